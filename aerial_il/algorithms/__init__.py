@@ -1,4 +1,4 @@
-"""Learning algorithms: each file of this folder is one, found by its name; what they share lies in its subpackages."""
+"""Learning algorithms: one file each, its settings in it; what several share lies in the subpackages."""
 
 from __future__ import annotations
 

@@ -31,8 +31,8 @@ from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_choice
 from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.core.checks import require_choice
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, log_density, unsquashed
 
 RewardOn = Literal["state", "state_action"]
@@ -74,12 +74,7 @@ class AIRL(GAIL):
     reward_batch: int = 1024
     buffer_size: int = 16_384
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1

@@ -10,7 +10,7 @@ same way. With an infinite temperature it is behavioural cloning. ``failures=tru
 
 Metrics, with negative steps before the first flight: ``critic/loss``, ``critic/value``, ``actor/loss``,
 ``actor/advantage``, ``actor/weight``; ``episode/return``, ``episode/length``, ``episode/success`` of the exploring
-policy; ``evaluate/<name>``, at step 0 of the policy that begins to fly; ``elapsed_s``.
+policy; ``evaluate/<name>``, at step 0 of the policy that starts to fly; ``elapsed_s``.
 
 Source: A. Nair, A. Gupta, M. Dalal, S. Levine, "AWAC: Accelerating Online Reinforcement Learning with Offline
 Datasets", 2020, algorithm 1; weights are limited as in IQL, where the source divides them by their sum.
@@ -18,35 +18,30 @@ Datasets", 2020, algorithm 1; weights are limited as in IQL, where the source di
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
-from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.problems import from_demonstrations
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
+from aerial_il.core.checks import require_positive
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics as CriticNetworks
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -56,10 +51,7 @@ class AWAC(Algorithm):
 
     Attributes:
         warmup: environment steps that the policy flies before it goes on learning; at random without offline_steps.
-        offline_steps: gradient steps on the dataset before the first flight.
-        demos_share: share of the dataset in each minibatch once it flies.
         temperature: of the weights, in the unit of returns: small ones imitate the best actions alone.
-        weight_limit: what no weight exceeds.
     """
 
     name: ClassVar[str] = "awac"
@@ -90,14 +82,10 @@ class AWAC(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_not_negative(self, "offline_steps")
-        require_share(self, "demos_share")
-        require_positive(self, "temperature", "weight_limit")
+        require_positive(self, "temperature")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        if not self.offline_steps:
-            check_warmup(self, env)
-        return from_demonstrations(self, dataset, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = AdvantageWeightedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
@@ -105,11 +93,7 @@ class AWAC(Algorithm):
 
 
 class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
-    """Actor and two critics with slowly following target networks.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
-    """
+    """Actor and two critics with slowly following target networks."""
 
     def __init__(self, settings: AWAC, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
@@ -118,10 +102,6 @@ class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of the actor."""

@@ -25,14 +25,13 @@ import numpy as np
 import torch
 
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.supervised.device import precision
-from aerial_il.algorithms.supervised.learner import Learner
-from aerial_il.algorithms.supervised.optimisation import cosine
+from aerial_il.algorithms.supervised.learner import Learner, cosine
 from aerial_il.algorithms.supervised.prepared import prepare
 from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run
 from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, read_demos, split
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import Waypoints
@@ -167,7 +166,7 @@ class BC:
         """Take optimisation steps until the run is done."""
         ema, decay, clip_norm = self.ema, self.weight_decay, self.clip_norm
         learner = Learner(run.build_network(), weight_decay=decay, ema=ema, clip_norm=clip_norm)
-        run.begin(learner)
+        run.start(learner)
 
         while run.goes_on():
             lr = self.lr * cosine(run.progress, learner.step, warmup_steps=self.warmup_steps, floor=self.lr_floor)

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -39,12 +39,12 @@ from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.ppo import ProximalActorCritic, ProximalSettings, check_proximal
+from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
 
@@ -57,10 +57,7 @@ class BCPPO(FromClone):
 
     Attributes:
         lr: the actor's learning rate at the start; it falls linearly to zero.
-        critic_lr: the critic's, which stays.
         entropy: weight of the entropy.
-        kl: weight of a decision's KL divergence from the clone; it falls linearly to zero.
-        gate: standard errors by which a rollout's episodes may return less than the clone's; a large number for any.
     """
 
     name: ClassVar[str] = "bc_ppo"
@@ -90,11 +87,6 @@ class BCPPO(FromClone):
     cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_anchored(self)
-        require_not_negative(self, "gate")
-
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
         return chunked(prior, self.prior, self.exploration)
 
@@ -103,27 +95,9 @@ class BCPPO(FromClone):
         agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
         flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
         gate = ReturnGate(actor, run.collector.n, self.gate)
-        hand_over = HandOver(run, start.begun, actor.network, self.trial)
+        hand_over = HandOver(run, start.alone, actor.network, self.trial)
         learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
         return hand_over.finish()
-
-
-class AnchoredSettings(ProximalSettings, Protocol):
-    """What the agent reads of an algorithm's settings; those of :class:`Residual` and :class:`JSRL` train it too."""
-
-    @property
-    def critic_lr(self) -> float: ...
-    @property
-    def kl(self) -> float: ...
-    @property
-    def smoothness(self) -> Smoothness: ...
-
-
-def check_anchored(settings: AnchoredSettings) -> None:
-    """Raise :class:`InvalidValueError` where a setting of the anchored objective is impossible."""
-    check_proximal(settings)
-    require_positive(settings, "critic_lr")
-    require_not_negative(settings, "kl")
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
@@ -133,9 +107,9 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
         settings: of the algorithm. actor: what explores, as it starts. obs_size: elements that a decision sees.
     """
 
-    def __init__(self, settings: AnchoredSettings, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: Algorithm, actor: StochasticNetwork, obs_size: int) -> None:
         super().__init__(settings, actor, obs_size, smoothness=settings.smoothness)
-        self._begun, self._anchored, self._pull = copy.deepcopy(actor).requires_grad_(False), settings, settings.kl
+        self._first, self._anchored, self._pull = copy.deepcopy(actor).requires_grad_(False), settings, settings.kl
 
     def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the actor's learning rate and the pull back follow the share that is ``left``."""
@@ -154,4 +128,4 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
     def _away(self, obs: Tensor) -> Tensor:
         """Return the KL divergence (B,) from the initial policy for what decisions saw (B, Do)."""
         seen = obs[:, None]
-        return self.actor.divergence(self.actor.distribution(seen), self._begun.distribution(seen))
+        return self.actor.divergence(self.actor.distribution(seen), self._first.distribution(seen))

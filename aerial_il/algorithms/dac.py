@@ -24,13 +24,11 @@ Learning?", 2021. That it starts from a clone, stays near it and learns at a fal
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-from aerial_il.algorithms.adversarial.action_noise import sample_demos
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.adversarial.settings import LearnedReward, begins_cloned
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
+from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
@@ -38,17 +36,13 @@ from aerial_il.algorithms.off_policy.problems import check_warmup
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
-from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.problem import Given, Problem, from_demonstrations
 from aerial_il.algorithms.online.replay_buffer import Batch, alive, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.sac import SoftActorCritic
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
+from aerial_il.core.checks import require_share
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -59,7 +53,6 @@ class DAC(Algorithm):
     Attributes:
         bc_pretrain_steps: minibatches of behavioural cloning before the first flight. Afterwards the clone acts in
             place of random actions, and until ``warmup`` critics and discriminator alone learn from it.
-        bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
         expert_share: share of demonstrated transitions in the agent's minibatches, rewarded like all others.
         reward: the discriminator; its updates are those for each of the critics'.
     """
@@ -100,12 +93,11 @@ class DAC(Algorithm):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "expert_share")
-        require_not_negative(self, "bc_pretrain_steps", "bc_weight")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        if not begins_cloned(self):
-            check_warmup(self, env)
-        return from_demonstrations(self, dataset, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        if not starts_cloned(self):
+            check_warmup(self, given.env)
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
@@ -113,9 +105,9 @@ class DAC(Algorithm):
         reward_net = RewardNet(*run.sizes, self.reward.shape(running_norm=False), lr=self.reward.lr)
         demos = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing)
         flights = ExperienceReplay(run, self.replay.capacity, absorbing=absorbing, rewarded=False)
-        pilot = None if begins_cloned(self) else RandomActions(run.sizes[1], run.rng("warm-up"))
+        pilot = None if starts_cloned(self) else RandomActions(run.sizes[1], run.rng("warm-up"))
         imitates = self.demonstrations.control != "constant_reward"
-        if begins_cloned(self) and not run.folder.resumed:
+        if starts_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(demos, self.bc_pretrain_steps)
 
         def discriminate() -> None:

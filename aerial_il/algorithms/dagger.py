@@ -90,8 +90,8 @@ class DAgger(InteractiveAlgorithm):
             InvalidValueError: somebody at the controls, and a gate that would decide in their place.
         """
         assert rounds.learner is not None
-        if not isinstance(rounds.teacher, Operator):
-            return self._mixture(rounds, number, rounds.learner, rounds.teacher)
+        if not isinstance(rounds.expert, Operator):
+            return self._mixture(rounds, number, rounds.learner, rounds.expert)
         if not self.gate.of_operator:
             raise InvalidValueError(
                 f"The gate is {type(self.gate).__name__}, and somebody sits at the controls, who decides by themselves "

@@ -34,7 +34,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.npg import NaturalGradientAgent, check_natural
+from aerial_il.algorithms.npg import NaturalGradientAgent
 from aerial_il.algorithms.on_policy.advantages import Advantages
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor, ChunkPilot
 from aerial_il.algorithms.on_policy.decisions import DecisionFlights
@@ -46,9 +46,9 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.state import Generator, Snapshot, joined, separate
 from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -59,9 +59,6 @@ class DAPG(FromClone):
 
     Attributes:
         lr: the critic's learning rate, which stays.
-        step_size: twice the KL divergence of a step of the actor, to second order.
-        cg_iterations: of conjugate gradients.
-        cg_damping: added to the Fisher information's diagonal.
         demos_weight: lambda_0, the weight of a demonstration beside the best advantage, at the first turn.
         demos_decay: lambda_1, what is left of it from turn to turn.
         shown: windows of the demonstrations in a turn, at most.
@@ -96,7 +93,6 @@ class DAPG(FromClone):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_natural(self)
         require_not_negative(self, "demos_weight")
         require_share(self, "demos_decay")
         require_positive(self, "shown")
@@ -109,7 +105,7 @@ class DAPG(FromClone):
         shown = Demonstrated(start.demos, start.prior, actor, run.rng("demonstrations"))
         agent = AugmentedAgent(self, actor, start.prior.config.history * run.sizes[0], shown)
         flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
-        hand_over = HandOver(run, start.begun, actor.network, self.trial)
+        hand_over = HandOver(run, start.alone, actor.network, self.trial)
         learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, hand_over=hand_over)
         return hand_over.finish()
 

@@ -35,8 +35,8 @@ from aerial_il.algorithms.interactive.disagreement import actions_along
 from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.supervised.training_set import split
+from aerial_il.core.checks import require_positive
 from aerial_il.core.contracts import (
     BatchEnv,
     Observation,
@@ -87,7 +87,7 @@ class DART(InteractiveAlgorithm):
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
 
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
-        expert = rounds.teacher
+        expert = rounds.expert
         if isinstance(expert, Operator):
             raise InvalidValueError(
                 "dart disturbs the flights of an expert that can be asked at any state, and somebody sits at the "

@@ -1,7 +1,7 @@
 """Deep deterministic policy gradient (DDPG): an action-value critic, and a deterministic actor that ascends it.
 
 Each turn takes one step in every world with the actor's action and Gaussian noise on it, stores it, and takes
-``utd_ratio`` gradient steps for each environment step on minibatches of the buffer:
+``replay.updates_per_step`` gradient steps for each environment step on minibatches of the buffer:
 
     critic  ``Q(s, a) = r + gamma * Q'(s', mu'(s'))``,        actor  ``max Q(s, mu(s))``,
 
@@ -19,9 +19,8 @@ Function Approximation Error in Actor-Critic Methods", 2018.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import torch
@@ -29,36 +28,29 @@ from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
+
+if TYPE_CHECKING:
+    from aerial_il.algorithms.td3 import TD3
 
 
 @dataclass(frozen=True, kw_only=True)
 class DDPG(Algorithm):
-    """Deep deterministic policy gradient (Lillicrap et al. 2016).
-
-    Attributes:
-        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
-        noise_correlation: of that from one step to the next; 0 for independent noise.
-    """
+    """Deep deterministic policy gradient (Lillicrap et al. 2016)."""
 
     name: ClassVar[str] = "ddpg"
 
@@ -81,45 +73,27 @@ class DDPG(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "noise")
-        require_share(self, "noise_correlation", below_one=True)
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward_or_prior(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_reward_or_prior(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
+        return learn_from_reward(run, self, agent, agent.update)
 
 
 class DeterministicAgent(Agent[SquashedGaussianNetwork]):
-    """Actor and critic, with slowly following target networks of both.
+    """Actor and critics, of which it has one, with slowly following target networks of all."""
 
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        sizes: elements of an observation and of an action, Do and Da.
-    """
-
-    def __init__(self, settings: DDPG, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
+    def __init__(self, settings: DDPG | TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
-        critic = settings.critics.build(sizes)
+        critics = settings.critics.build(sizes)
         self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critic, adam(critic, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critic)
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.actor_target, self.targets = Target(actor), Target(critics)
         self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
-            {"actor": self.actor_state, "critic": self.critics},
-            {"actor_target": self.actor_target, "critic_target": self.targets},
+            {"actor": self.actor_state, "critics": self.critics},
+            {"actor_target": self.actor_target, "critic_targets": self.targets},
             {"exploration": self._noise},
         )
 

@@ -20,7 +20,7 @@ G. Ostrovski, A. Barreto, "Temporally-Extended epsilon-Greedy Exploration", 2021
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -37,18 +37,16 @@ from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import from_reward
 from aerial_il.algorithms.off_policy.settings import Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.checks import require_positive, require_share
 from aerial_il.core.tensors import tensor
-from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical, CategoricalNetwork
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
@@ -69,7 +67,6 @@ class DQN(Algorithm):
         exploration: share of all steps over which it falls, linearly.
         update_every: environment steps from one block of updates to the next. In between the policy stays as it is, so
             that it presses on in one direction even where all actions seem to have the same value.
-        clip_norm: largest gradient norm.
         huber: error beyond which the loss grows linearly. Where it is small against the values, a rare end that
             forfeits all future rewards hardly teaches more than any other step.
     """
@@ -104,7 +101,7 @@ class DQN(Algorithm):
         super().__post_init__()
         require_share(self, "epsilon", "exploration")
         require_share(self, "tau")
-        require_positive(self, "tau", "longest_hold", "update_every", "target_every", "clip_norm", "huber")
+        require_positive(self, "tau", "longest_hold", "update_every", "target_every", "huber")
         self.smoothness.check_for_choices()
 
     def epsilon_at(self, left: float) -> float:
@@ -112,8 +109,8 @@ class DQN(Algorithm):
         fallen = min(1.0, (1.0 - left) / self.exploration) if self.exploration else 1.0
         return 1.0 + fallen * (self.epsilon - 1.0)
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_reward(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeepQAgent(self, run.build_actor(CategoricalNetwork), lambda: self.epsilon_at(run.left))

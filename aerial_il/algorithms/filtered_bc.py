@@ -26,9 +26,9 @@ from aerial_il.algorithms.dart import Disturbed, Noise
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import digest
+from aerial_il.core.checks import require_not_negative, require_share
 from aerial_il.core.contracts import Observation
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode

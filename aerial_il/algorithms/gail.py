@@ -20,34 +20,28 @@ Clean Imitation Learning Implementations", 2022, found to matter.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.adversarial.action_noise import sample_demos
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss
-from aerial_il.algorithms.adversarial.settings import LearnedReward, begins_cloned
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
+from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights, Steps
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.moments import RunningMoments
-from aerial_il.algorithms.online.problem import Problem, check_steps, whole_turns
-from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.problem import Given, Problem, check_steps, from_demonstrations, whole_turns
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.ppo import ProximalActorCritic, check_proximal
+from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -56,7 +50,6 @@ class GAIL(Algorithm):
     """Generative adversarial imitation learning (Ho and Ermon 2016).
 
     Attributes:
-        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
         warmup: environment steps in which the clone acts as it is, and critic and discriminator alone learn.
         lr: learning rate at the start; it falls linearly to zero.
         entropy: weight of the entropy.
@@ -94,30 +87,25 @@ class GAIL(Algorithm):
     reward_batch: int = 1024
     buffer_size: int = 16_384
     demonstrations: Demonstrations = Demonstrations(
-        trajectories=None,
-        subsample=1,
-        bounds="environment",
-        labels="executed",
-        absorbing=True,
-        control="none",
+        trajectories=None, subsample=1, bounds="environment", labels="executed", absorbing=True, control="none"
     )
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_proximal(self)
         require_positive(self, "reward_batch", "buffer_size")
-        require_not_negative(self, "bc_pretrain_steps")
         if self.reward.updates != int(self.reward.updates):
             raise InvalidValueError(f"reward.updates is {self.reward.updates}; for each rollout it is a whole number.")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        if not begins_cloned(self):
-            rollout = whole_turns(self.rollout.steps, env.num_envs)  # for the last rollout no learning rate is left
+    def problem(self, given: Given) -> Problem:
+        if not starts_cloned(self):
+            rollout = whole_turns(
+                self.rollout.steps, given.env.num_envs
+            )  # for the last rollout no learning rate is left
             check_steps(self, "rollout.steps", rollout)
             check_steps(self, "warmup", (self.warmup // rollout + 1) * rollout)
-        return from_demonstrations(self, dataset, policy, env, seed)
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
@@ -125,7 +113,7 @@ class GAIL(Algorithm):
         absorbing, imitates = self.demonstrations.absorbing, self.demonstrations.control != "constant_reward"
         expert_buffer = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing)
         buffer = ReplayBuffer(self.buffer_size, *run.sizes, run.rng("minibatches"))
-        if begins_cloned(self) and not run.folder.resumed:
+        if starts_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
 
         def rewarded(rollout: Steps) -> tuple[np.ndarray, np.ndarray]:

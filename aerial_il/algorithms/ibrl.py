@@ -30,7 +30,6 @@ prior's action in a demonstrated state is what was demonstrated there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -47,23 +46,19 @@ from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.cloning import bc_pretrain
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
-from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.problem import Given, Problem, from_demonstrations
 from aerial_il.algorithms.online.replay_buffer import Batch, mixed
 from aerial_il.algorithms.online.rewards import Source, reward_scheme
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.checkpoint import digest
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.checks import require_not_negative
 from aerial_il.core.tensors import tensor
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.gated import GatedPolicy, prefers_own
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -79,11 +74,6 @@ class IBRL(Algorithm):
         caution: standard deviations over the critics by which the actor's action must be better than the prior's.
         prior_weight: of the actor's mean squared distance from the prior's action, in units of the mean value; 0 to let
             it go wherever critics expect more.
-        subset: how many target critics Z the backup takes the minimum of.
-        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
-        target_noise: standard deviation of the noise on the target's actions.
-        noise_clip: how far these are moved at most.
-        demos_share: share of demonstrations in each minibatch.
     """
 
     name: ClassVar[str] = "ibrl"
@@ -118,18 +108,13 @@ class IBRL(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.critics.check_subset(self.subset)
-        require_share(self, "demos_share")
-        require_not_negative(
-            self, "bc_pretrain_steps", "caution", "prior_weight", "noise", "target_noise", "noise_clip"
-        )
+        require_not_negative(self, "caution", "prior_weight")
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, given: Given) -> Problem:
         """Read the demonstrations, and refuse a prior that cannot fly here."""
-        check_warmup(self, env)
-        inputs = {"prior": digest(load_prior(self.prior, env.spec).to_checkpoint())} if self.prior else {}
-        problem = from_demonstrations(self, dataset, policy, env, seed, scheme=reward_scheme(self))
-        return replace(problem, inputs=inputs)
+        check_warmup(self, given.env)
+        inputs = {"prior": digest(load_prior(self.prior, given.env.spec).to_checkpoint())} if self.prior else {}
+        return replace(from_demonstrations(self, given, scheme=reward_scheme(self)), inputs=inputs)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
@@ -160,9 +145,6 @@ class ProposedAgent(Agent[SquashedGaussianNetwork]):
 
     Its observations carry the prior's proposal, (B, Do + Da + 1 + 1), see
     :mod:`aerial_il.algorithms.off_policy.proposals`.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
     """
 
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:

@@ -12,7 +12,7 @@ The learner is a clone of the demonstrations, or ``prior=RUN``, which goes on by
 with the pull back to the clone; with ``cloning.steps=1`` it is hardly more than a new network. There is no gate: what
 an episode returns is the guide's work, too.
 
-Metrics: those of ``bc_ppo`` without ``actor/fallbacks``; ``guide/steps`` of episodes that begin; ``guide/stage``;
+Metrics: those of ``bc_ppo`` without ``actor/fallbacks``; ``guide/steps`` of episodes that start; ``guide/stage``;
 ``rollout/reward`` of a step, whichever policy acted;
 ``episode/...`` are of guide and learner together, ``evaluate/...`` of the learner alone.
 
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.bc_ppo import AnchoredActorCritic, check_anchored
+from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
 from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
@@ -39,9 +39,9 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import Checkpoint, digest
+from aerial_il.core.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
@@ -63,9 +63,7 @@ class JSRL(FromClone):
     Attributes:
         warmup: environment steps of the learner's own in which only a critic learns; the guide's do not count.
         lr: the actor's learning rate at the start; it falls linearly to zero.
-        critic_lr: the critic's, which stays.
         entropy: weight of the entropy.
-        kl: weight of a decision's KL divergence from the clone; it falls linearly to zero.
         guide: a run or policy of any class; null for the expert.
         schedule: how the guide's part shrinks: stage by stage, ``curriculum``; or ``random``, sampled for each episode.
         horizon: the guide's steps at first, and at most; 0 for the length of the longest demonstration.
@@ -109,7 +107,6 @@ class JSRL(FromClone):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_anchored(self)
         require_choice(self, "schedule", Schedule)
         require_not_negative(self, "horizon")
         require_positive(self, "stages", "window")
@@ -140,14 +137,14 @@ class JSRL(FromClone):
         assert guide is not None, "checked before the run was opened"
         learner = ChunkPilot(actor, start.prior, run.collector)
         pilot = GuidedPilot(learner, guide, run.collector, self.curriculum(start.demos), run.rng("guide"))
-        hand_over = HandOver(run, start.begun, actor.network, self.trial)
+        hand_over = HandOver(run, start.alone, actor.network, self.trial)
 
-        def told(rollout: Decisions) -> dict[str, float]:
+        def more(rollout: Decisions) -> dict[str, float]:
             paid = float(rollout.rewards.mean())
             return {"guide/steps": pilot.steps, "guide/stage": pilot.stage, "rollout/reward": paid}
 
         flights = DecisionFlights(run.collector, pilot)
-        given = {"warmup": self.warmup, "hand_over": hand_over, "told": told}
+        given = {"warmup": self.warmup, "hand_over": hand_over, "more": more}
         learn_on_policy(run, self, flights, agent, actor.network, **given)
         return hand_over.finish()
 

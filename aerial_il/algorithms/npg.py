@@ -22,9 +22,9 @@ mjrl, for that paper, whose policy is ``hidden=(32, 32)``, ``activation=tanh``, 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -34,20 +34,16 @@ from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.critic import Critic
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
-from aerial_il.algorithms.on_policy.problems import from_reward
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem, from_reward
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
 from aerial_il.algorithms.run.state import Snapshot, joined, separate
 from aerial_il.algorithms.run.train_state import Weights
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -60,9 +56,6 @@ class NPG(Algorithm):
 
     Attributes:
         lr: the critic's learning rate, which stays.
-        step_size: twice the KL divergence of a step of the actor, to second order.
-        cg_iterations: of conjugate gradients.
-        cg_damping: added to the Fisher information's diagonal.
         rollout: epochs and batch_size are the critic's; the actor takes one step.
     """
 
@@ -84,43 +77,14 @@ class NPG(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_natural(self)
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward(self, policy, env, seed, fades=False)  # even a single rollout moves the actor
+    def problem(self, given: Given) -> Problem:
+        return from_reward(self, given)  # whatever the steps: even a single rollout moves the actor
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)
         agent = NaturalGradientAgent(self, actor, run.sizes[0])
         learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
         return run.finish()
-
-
-class NaturalSettings(Protocol):
-    """What the agent reads of an algorithm's settings; those of :class:`DAPG` train it too."""
-
-    @property
-    def lr(self) -> float: ...
-    @property
-    def step_size(self) -> float: ...
-    @property
-    def cg_iterations(self) -> int: ...
-    @property
-    def cg_damping(self) -> float: ...
-    @property
-    def critic_hidden(self) -> tuple[int, ...]: ...
-    @property
-    def rollout(self) -> Rollout: ...
-    @property
-    def smoothness(self) -> Smoothness: ...
-
-
-def check_natural(settings: NaturalSettings) -> None:
-    """Raise :class:`InvalidValueError` where a setting of natural steps is impossible."""
-    require_positive(settings, "step_size", "cg_iterations")
-    require_not_negative(settings, "cg_damping")
 
 
 class NaturalGradientAgent:
@@ -132,7 +96,7 @@ class NaturalGradientAgent:
         obs_size: Do.
     """
 
-    def __init__(self, settings: NaturalSettings, actor: StochasticNetwork, obs_size: int) -> None:
+    def __init__(self, settings: Algorithm, actor: StochasticNetwork, obs_size: int) -> None:
         self.settings, self.actor = settings, actor
         self._critic = Critic(obs_size, settings.critic_hidden, lr=settings.lr)
 

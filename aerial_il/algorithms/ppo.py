@@ -18,9 +18,8 @@ defaults are those of its table 3.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -29,21 +28,17 @@ from torch import Tensor
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.agent import ActorCritic
 from aerial_il.algorithms.on_policy.critic import minibatches
-from aerial_il.algorithms.on_policy.loop import learn_on_policy
-from aerial_il.algorithms.on_policy.problems import from_reward
+from aerial_il.algorithms.on_policy.loop import check_rollout, learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.cloning import bc_pretrain
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem, from_reward
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -78,12 +73,9 @@ class PPO(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_proximal(self)
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        check_rollout(self, given.env)
+        return from_reward(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)
@@ -92,43 +84,15 @@ class PPO(Algorithm):
         return run.finish()
 
 
-class ProximalSettings(Protocol):
-    """What the agent reads of an algorithm's settings; those of :class:`GAIL` and :class:`BCPPO` train it too."""
-
-    @property
-    def lr(self) -> float: ...
-    @property
-    def clip(self) -> float: ...
-    @property
-    def entropy(self) -> float: ...
-    @property
-    def clip_norm(self) -> float: ...
-    @property
-    def target_kl(self) -> float: ...
-    @property
-    def critic_hidden(self) -> tuple[int, ...]: ...
-    @property
-    def rollout(self) -> Rollout: ...
-
-
-def check_proximal(settings: ProximalSettings) -> None:
-    """Raise :class:`InvalidValueError` where a setting of the clipped objective is impossible."""
-    require_positive(settings, "clip", "clip_norm")
-    require_not_negative(settings, "entropy", "target_kl")
-
-
 class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):
     """Actor and critic, updated in several passes over a rollout.
 
     Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
         smoothness: how the actor is held back from rough actions; None for not at all.
     """
 
     def __init__(
-        self, settings: ProximalSettings, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
+        self, settings: Algorithm, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
     ) -> None:
         super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
         self.settings, self._smoothness = settings, smoothness or NO_SMOOTHNESS

@@ -20,24 +20,20 @@ R. Sutton, A. Barto, "Reinforcement Learning: An Introduction", 2018, section 13
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.agent import ActorCritic
-from aerial_il.algorithms.on_policy.loop import learn_on_policy
-from aerial_il.algorithms.on_policy.problems import from_reward
+from aerial_il.algorithms.on_policy.loop import check_rollout, learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem, from_reward
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
@@ -69,8 +65,9 @@ class REINFORCE(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        check_rollout(self, given.env)
+        return from_reward(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         actor = run.build_actor(StochasticNetwork)
@@ -80,13 +77,7 @@ class REINFORCE(Algorithm):
 
 
 class ReinforceAgent(ActorCritic[StochasticNetwork]):
-    """An actor, and its baseline.
-
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
-    """
+    """An actor, and its baseline."""
 
     def __init__(self, settings: REINFORCE, actor: StochasticNetwork, obs_size: int) -> None:
         super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)

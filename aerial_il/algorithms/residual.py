@@ -24,7 +24,7 @@ from typing import ClassVar
 import numpy as np
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.bc_ppo import AnchoredActorCritic, check_anchored
+from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.on_policy.decisions import DecisionFlights
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
@@ -35,7 +35,7 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_widths
+from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.residual import ResidualPolicy, Shift
@@ -47,10 +47,8 @@ class Residual(FromClone):
 
     Attributes:
         lr: the actor's learning rate at the start; it falls linearly to zero.
-        critic_lr: the critic's, which stays.
         entropy: weight of the entropy.
         kl: weight of a decision's KL divergence from no shift; it falls linearly to zero.
-        gate: standard errors by which a rollout's episodes may return less than the base's; a large number for any.
         hidden: widths of the network that shifts.
         reach: the largest shift, in standard deviations of the demonstrated actions, or in halves of their range where
             the prior's ``action_scaling`` is ``minmax``.
@@ -89,10 +87,7 @@ class Residual(FromClone):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_anchored(self)
-        require_not_negative(self, "gate")
         require_positive(self, "reach", "hold", "noise")
-        require_widths(self, "hidden")
 
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
         """Return the prior, which flies as it would alone.

@@ -29,37 +29,31 @@ algorithm 1; there 20 updates a step, here 4.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.problems import from_demonstrations
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.cloning import bc_loss
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch, concatenated
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -69,8 +63,6 @@ class RLPD(Algorithm):
 
     Attributes:
         warmup: the first of those steps, flown at random before anything is learned.
-        subset: how many target critics Z the backup takes the minimum of.
-        bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
     """
 
     name: ClassVar[str] = "rlpd"
@@ -99,14 +91,8 @@ class RLPD(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_not_negative(self, "bc_weight")
-        self.critics.check_subset(self.subset)
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        check_warmup(self, env)
-        return from_demonstrations(self, dataset, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
@@ -125,11 +111,7 @@ class RLPD(Algorithm):
 
 
 class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
-    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha.
-
-    Args:
-        settings: of the algorithm. actor: the policy's network. sizes: elements of an observation and of an action.
-    """
+    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha."""
 
     def __init__(self, settings: RLPD, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
         self.settings, self.actor = settings, actor
@@ -141,10 +123,6 @@ class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def update(self, batch: Batch, demos: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of actor and temperature.

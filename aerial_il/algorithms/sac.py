@@ -20,35 +20,28 @@ I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent, sampled
+from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.critics import Target, squared_error
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.cloning import bc_loss, bc_pretrain
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -77,53 +70,24 @@ class SAC(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward_or_prior(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_reward_or_prior(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
-
-
-class SoftSettings(Protocol):
-    """What the agent reads of an algorithm's settings; :class:`DAC` and :class:`SQIL` train it too."""
-
-    @property
-    def gamma(self) -> float: ...
-    @property
-    def lr(self) -> float: ...
-    @property
-    def alpha(self) -> float: ...
-    @property
-    def entropy(self) -> float: ...
-    @property
-    def actor_every(self) -> int: ...
-    @property
-    def critics(self) -> Critics: ...
-    @property
-    def replay(self) -> Replay: ...
+        return learn_from_reward(run, self, agent, agent.update)
 
 
 class SoftActorCritic(Agent[SquashedGaussianNetwork]):
     """Actor, critics, slowly following target networks and the temperature alpha.
 
     Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        sizes: elements of an observation and of an action, Do and Da.
         smoothness: how the actor is held back from rough actions; None for not at all.
     """
 
     def __init__(
         self,
-        settings: SoftSettings,
+        settings: Algorithm,
         actor: SquashedGaussianNetwork,
         sizes: tuple[int, int],
         *,
@@ -139,10 +103,6 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
         self.critics = TrainState(critics, adam(critics, settings.lr))
         self.targets = Target(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Sample actions (n, Da) for encoded observations (n, Do)."""
-        return sampled(self.actor, obs)
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""

@@ -15,7 +15,6 @@ Source: S. Reddy, A. Dragan, S. Levine, "SQIL: Imitation Learning via Reinforcem
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -26,16 +25,12 @@ from aerial_il.algorithms.off_policy.problems import check_warmup
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
-from aerial_il.algorithms.online.problems import from_demonstrations
+from aerial_il.algorithms.online.problem import Given, Problem, from_demonstrations
 from aerial_il.algorithms.online.replay_buffer import alive, concatenated
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -63,9 +58,9 @@ class SQIL(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        check_warmup(self, env)
-        return from_demonstrations(self, dataset, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        check_warmup(self, given.env)
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2

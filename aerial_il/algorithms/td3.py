@@ -19,35 +19,25 @@ defaults are those of its authors' code, but for the warm-up, there 25,000 steps
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
-from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.exploration import ExplorationNoise, RandomActions
+from aerial_il.algorithms.ddpg import DeterministicAgent
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
-from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -57,10 +47,6 @@ class TD3(Algorithm):
 
     Attributes:
         actor_every: how many of the critics' gradient steps for each one of the actor and of the targets.
-        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
-        noise_correlation: of that from one step to the next; 0 for independent noise.
-        target_noise: standard deviation of the noise on the target's actions.
-        noise_clip: how far these are moved at most.
     """
 
     name: ClassVar[str] = "td3"
@@ -86,51 +72,18 @@ class TD3(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_share(self, "noise_correlation", below_one=True)
-        require_not_negative(self, "noise", "target_noise", "noise_clip")
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        return from_reward_or_prior(self, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_reward_or_prior(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
-        pilot = None if self.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
-
-        def update(improve: bool) -> dict[str, float]:
-            return agent.update(flights.buffer.sample(self.replay.batch_size), improve=improve)
-
-        learn_off_policy(run, self, agent, flights, update, pilot=pilot)
-        return run.finish()
+        return learn_from_reward(run, self, agent, agent.update)
 
 
-class TwinDelayedAgent(Agent[SquashedGaussianNetwork]):
-    """Actor and two critics, with slowly following target networks of all of them.
+class TwinDelayedAgent(DeterministicAgent):
+    """The agent of ``ddpg`` with two critics, and with targets that follow where the actor's step is due."""
 
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        sizes: elements of an observation and of an action, Do and Da.
-    """
-
-    def __init__(self, settings: TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor = settings, actor
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critics)
-        self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
-        super().__init__(
-            {"actor": self.actor_state, "critics": self.critics},
-            {"actor_target": self.actor_target, "critic_targets": self.targets},
-            {"exploration": self._noise},
-        )
-
-    def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""
-        return self._noise.explore(self.actor, obs)
+    settings: TD3
 
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""
@@ -146,10 +99,6 @@ class TwinDelayedAgent(Agent[SquashedGaussianNetwork]):
                 target.follow(self.settings.critics.tau)
         return metrics
 
-    def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
-        """Return the squared Bellman error of both critics."""
-        return squared_error(self.critics.network, batch, self.bellman_targets(batch))
-
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * min Q'(s', a')`` (B,), with actions a' sampled around the target's."""
@@ -159,7 +108,3 @@ class TwinDelayedAgent(Agent[SquashedGaussianNetwork]):
         actions = (actions + noise.clamp(-limit, limit)).clamp(-1, 1)
         values = self.targets.network(batch.next_obs, actions).min(0).values
         return batch.rewards + self.settings.gamma * batch.continues * values
-
-    def actor_loss(self, batch: Batch) -> Tensor:
-        """Return ``-Q1(s, mu(s))``, plus the smoothness loss."""
-        return ascent(self.actor, self.critics.network, batch, self.settings.smoothness)

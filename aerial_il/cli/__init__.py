@@ -1,1 +1,1 @@
-"""The command line: ``aerial-il COMMAND key=value ...``, the only room that knows Hydra."""
+"""The command line: parses words, composes settings with Hydra, prints; sweeps, launchers. Nothing else knows Hydra."""

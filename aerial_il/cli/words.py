@@ -78,11 +78,6 @@ def read(command: Command, words: list[str]) -> Typed:
     return Typed(overrides, sweeps, SHOW in flags, apart)
 
 
-def is_sweep(value: str) -> bool:
-    """Whether Hydra takes ``value`` for several values."""
-    return len(parts(value)) > 1 or bool(_FUNCTION.match(value))
-
-
 def literals(values: str) -> str:
     """Return a sweep over texts, separated by commas that stand outside of quotes and brackets, as Hydra reads them.
 

@@ -1,1 +1,1 @@
-"""From an expert, a policy or a person to episodes on disk."""
+"""Demonstrations: from an expert, a policy or a person to episodes on disk."""

@@ -39,6 +39,7 @@ from aerial_il.control.scratch import make_scratch
 from aerial_il.control.steering import STEERING, call_steer
 from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle, record_of
 from aerial_il.control.whole_body import advance_base, plan_reference, seat_references, solve_arm
+from aerial_il.core import registry
 from aerial_il.core.addresses import numbers_at
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
@@ -245,7 +246,7 @@ class Steering:
     """
 
     def __init__(self, law: str, vehicle: Vehicle) -> None:
-        self._own = controllers.get(law)().record(vehicle)
+        self._own = registry.get("controller", law)().record(vehicle)
         self.record = np.array([(controllers.address(law, self._own), self._own.ctypes.data)], STEERING)
 
 
@@ -269,7 +270,7 @@ class Controller:
         gains: Gains | None = None, dt: float = 0.004, ticks_per_action: int = 5,
     ) -> None:  # fmt: skip
         self.vehicle, self.law = vehicle, law
-        self.gains = (gains or controllers.get(law)().gains).fitted(vehicle)
+        self.gains = (gains or registry.get("controller", law)().gains).fitted(vehicle)
         self.level = ActionLevel.parse(level)
         self.spec = action_spec(self.level, vehicle)
         self.dt, self.ticks_per_action = dt, ticks_per_action

@@ -118,18 +118,6 @@ def tool_jacobian(vehicle, frames, pos, jacobian):
 
 
 @kernel
-def tool_velocity(vehicle, frames, pos, vel, omega, joint_vel):
-    """Linear (m/s) and angular (rad/s) velocity of the tool, world frame."""
-    tool, _ = tool_pose(vehicle, frames)
-    linear = add(vel, cross(omega, sub(tool, pos)))
-    for j in range(vehicle.num_joints):
-        spin = scale(joint_vel[j], row(frames, j, AXIS))
-        linear = add(linear, cross(spin, sub(tool, row(frames, j, POSITION))))
-        omega = add(omega, spin)
-    return linear, omega
-
-
-@kernel
 def momentum(vehicle, frames, pos, rot, vel, omega, joint_vel):
     """Total momentum of base and arm.
 

@@ -7,11 +7,10 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import GAINS, RECORD
-from aerial_il.core.addresses import called
+from aerial_il.core.addresses import called, intrinsic
 
 _VEHICLE, _GAINS, _SCRATCH = (numba.from_dtype(kind) for kind in (RECORD, GAINS, SCRATCH))
 _STATE = types.Array(types.float64, 1, "C")
@@ -24,9 +23,6 @@ def signature(own: np.ndarray) -> Any:
 
 
 @intrinsic
-def _call_steer(_: Any, address: Any, own: Any, vehicle: Any, gains: Any, scratch: Any, state: Any) -> Any:
+def call_steer(_: Any, address: Any, own: Any, vehicle: Any, gains: Any, scratch: Any, state: Any) -> Any:
     given = (own, _VEHICLE, _GAINS, _SCRATCH, _STATE)
     return types.void(address, own, vehicle, gains, scratch, state), called(types.void, *given)
-
-
-call_steer: Any = _call_steer  # an intrinsic is called without its first argument

@@ -92,7 +92,7 @@ class Vehicle(NamedTuple):
         """The same numbers as one block of state of fixed size: what compiled functions take for a vehicle.
 
         Raises:
-            InvalidValueError: more joints or rotors than the block has room for.
+            InvalidValueError: more joints or rotors than the block holds.
         """
         if self.num_joints > MAX_JOINTS or self.num_rotors > MAX_ROTORS:
             raise InvalidValueError(

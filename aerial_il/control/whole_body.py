@@ -3,7 +3,7 @@
 Two solutions of the same differential inverse kinematics. The *reference* configuration (base position, yaw, joints)
 follows the end-effector reference; the base and the rest posture share the motion, base tilt is taken as zero. The
 *set-points* of the arm are solved from the base's ACTUAL pose, tilt included, so that the arm cancels what the base
-is off by. That second step is worth more accuracy in wind than any gain of the base's own loop.
+is off by. That second step makes it more accurate in wind than any gain of the base's own loop.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Ground floor: rotations, specifications, seeding, errors, files. Imports nothing above it."""
+"""What all share: rotations, specifications, seeding, errors, files, the registry. Imports nothing above it."""

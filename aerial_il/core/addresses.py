@@ -7,9 +7,9 @@ from typing import Any
 import llvmlite.ir as ir
 import numba
 import numpy as np
-from numba import types
-from numba.extending import intrinsic
+from numba import extending, types
 
+intrinsic: Any = extending.intrinsic  # typed so, since what it makes is called without its first argument
 _NUMBERS = numba.from_dtype(np.dtype([("first", np.float64)]))  # stands for records of which only the address matters
 
 
@@ -32,12 +32,9 @@ def called(result: types.Type, *given: types.Type) -> Any:
 
 
 @intrinsic
-def _numbers_at(_: Any, address: types.Integer) -> Any:
+def numbers_at(_: Any, address: types.Integer) -> Any:
     """Take an address as that of a record that somebody else reads."""
     return _NUMBERS(address), read_at
-
-
-numbers_at: Any = _numbers_at  # an intrinsic is called without its first argument
 
 
 def record_of_numbers(numbers: dict[str, Any]) -> np.ndarray:

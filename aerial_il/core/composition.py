@@ -155,7 +155,7 @@ def _value(hint: Any, value: Any, before: Any, at: str) -> Any:
         given, value = value, _coerced(value, bare(hint))
         if not fits(value, hint):
             raise InvalidValueError(f"{at}={repr(given)[:80]} is not {in_words(hint)}.")
-    if value is not None and (named := marked(hint, Name)) is not None:
+    if isinstance(value, str) and (named := marked(hint, Name)) is not None:
         named.check(value)
     return value
 

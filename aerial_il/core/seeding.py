@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
 
 
 def episode_rng(robot: str, task: str, purpose: str, seed: int) -> np.random.Generator:
@@ -28,6 +30,19 @@ def episode_rng(robot: str, task: str, purpose: str, seed: int) -> np.random.Gen
 def named_rng(seed: int, *names: str) -> np.random.Generator:
     """Return an independent stream for a named purpose, e.g. ``named_rng(0, "noise", "expert")``."""
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words("/".join(names)), int(seed)])))
+
+
+def seeds_of(seeds: np.ndarray | Sequence[int] | int, n: int) -> np.ndarray:
+    """Return the seeds (n,) of n worlds; one integer s stands for s, s + 1, …
+
+    Raises:
+        InvalidValueError: neither one integer nor n.
+    """
+    given = np.asarray(seeds)
+    each = given + np.arange(n) if given.ndim == 0 else given
+    if each.shape != (n,):
+        raise InvalidValueError(f"seeds is one integer or has one entry per world, ({n},), got {each.shape}.")
+    return each
 
 
 @contextmanager

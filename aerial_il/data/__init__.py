@@ -1,1 +1,1 @@
-"""Demonstrations: recorded, checked, replayed, converted, and cut into training windows. One MCAP file is the truth."""
+"""Demonstrations: recorded, read, checked, replayed, converted, cut into windows. One MCAP file is the truth."""

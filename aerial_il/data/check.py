@@ -64,7 +64,7 @@ def require_whole(gate: Gate, episode: Episode) -> None:
     for name, values in episode.obs.items():
         gate.require_finite(name, values, topic="/observation")
     absent = np.isnan(episode.expert_actions)
-    half = (absent.any(1) & ~absent.all(1)) | np.isinf(episode.expert_actions).any(1)  # a label is whole or absent
+    half = np.asarray((absent.any(1) & ~absent.all(1)) | np.isinf(episode.expert_actions).any(1))  # whole or absent
     gate.require_finite("expert_action", np.where(half[:, None], episode.expert_actions, 0.0))
 
 
@@ -229,11 +229,12 @@ def _cut(source: Source) -> dict[str, Callable[[], Raw]]:
     ends += [*(np.flatnonzero(over[:-1]) + 1).tolist(), steps]
 
     def part(first: int, last: int) -> Raw:
-        arrays = {name: getattr(whole, name) for name in ("actions", *SERIES)}
+        told: dict[str, Any] = {name: getattr(whole, name) for name in SERIES}
         obs = {name: np.asarray(values)[first:last] for name, values in whole.obs.items()}
         for name, after in (whole.next_obs or {}).items():
             obs[name] = np.concatenate([obs[name], after[last - 1 : last]])
-        return Raw(obs=obs, **{name: None if a is None else a[first:last] for name, a in arrays.items()})
+        told = {name: None if values is None else values[first:last] for name, values in told.items()}
+        return Raw(obs=obs, actions=whole.actions[first:last], **told)
 
     return {f"{uid}_{i:06d}": partial(part, *ends[i : i + 2]) for i in range(len(ends) - 1)}
 

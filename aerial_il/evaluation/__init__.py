@@ -1,1 +1,1 @@
-"""Judge a policy: closed-loop rollouts on fixed seeds, metrics, statistics, video and a report that opens offline."""
+"""How good a policy is: closed-loop rollouts on fixed seeds, metrics, statistics."""

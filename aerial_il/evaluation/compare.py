@@ -6,7 +6,6 @@ the draw of episodes; otherwise the two are independent samples.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -129,7 +128,8 @@ def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
     else:
         ci95, p_value, method = statistics.newcombe(*counts), statistics.fisher(*counts), "Fisher's exact test"
     metrics = metrics_of((*a.episodes, *b.episodes))
-    changes = _adjusted([_change(metric, by_seed_a, by_seed_b, paired=paired) for metric in metrics])
+    changes = [c for metric in metrics if (c := _change(metric, by_seed_a, by_seed_b, paired=paired)) is not None]
+    adjusted = statistics.holm([change.p_value for change in changes])
     name_a, name_b = (f"{r.policy} ({r.tier})" if a.tier != b.tier else r.policy for r in (a, b))
     rate_a, rate_b = a.success["rate"], b.success["rate"]
     return Comparison(
@@ -144,7 +144,7 @@ def compare(a: EvaluationResult, b: EvaluationResult) -> Comparison:
         paired=paired,
         only_a=tuple(only_a),
         only_b=tuple(only_b),
-        changes=changes,
+        changes=tuple(replace(change, p_adjusted=p) for change, p in zip(changes, adjusted, strict=True)),
     )
 
 
@@ -156,12 +156,6 @@ def other_conditions(a: EvaluationResult, b: EvaluationResult) -> list[str]:
     if a.tier == b.tier and (differing := disturbance_changes(*meant)):
         notes.append(f"Tier {a.tier} did not mean the same in both: {'; '.join(differing)}.")
     return notes
-
-
-def _adjusted(changes: Sequence[MetricChange | None]) -> tuple[MetricChange, ...]:
-    found = [change for change in changes if change is not None]
-    p_adjusted = statistics.holm([change.p_value for change in found])
-    return tuple(replace(change, p_adjusted=p) for change, p in zip(found, p_adjusted, strict=True))
 
 
 def _change(

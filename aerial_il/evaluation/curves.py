@@ -88,7 +88,7 @@ def curves_of(rows: Iterable[Mapping[str, Any]]) -> list[Curve]:
 
 
 def read_rows(path: Path) -> Iterable[dict[str, Any]]:
-    """Yield the rows of a ``metrics.jsonl`` by their present names; a last one cut short by a kill is left out."""
+    """Yield the rows of a ``metrics.jsonl``; a last one cut short by a kill is left out."""
     try:
         lines = read_text(path).splitlines(keepends=True)
     except (OSError, ValueError) as error:

@@ -26,29 +26,16 @@ def subject_of(
     A policy with weights is known by them, whatever its folder is called. Numbers of worlds and threads do not count.
     """
     weights, environment = provenance.get("policy_sha256"), provenance.get("environment", {})
-    code = {name: provenance.get(name) for name in ("engine", "packages", "git")}
-    found = {
-        "robot": robot,
-        "task": task,
-        "tier": tier,
-        "policy": weights or policy,
-        "seeds": list(seeds),
-        **{name: environment.get(name) for name in CONDITIONS},
-        **code,
-    }
-    return json.loads(json.dumps(found))
+    subject = {"robot": robot, "task": task, "tier": tier, "policy": weights or policy, "seeds": list(seeds)}
+    subject |= {name: environment.get(name) for name in CONDITIONS}
+    subject |= {name: provenance.get(name) for name in ("engine", "packages", "git")}
+    return json.loads(json.dumps(subject))
 
 
 def subject_of_result(result: EvaluationResult) -> dict[str, Any]:
     """Return what ``result`` is a result of."""
-    return subject_of(
-        robot=result.robot,
-        task=result.task,
-        tier=result.tier,
-        policy=result.policy,
-        seeds=result.seeds,
-        provenance=result.provenance,
-    )
+    names = ("robot", "task", "tier", "policy", "seeds", "provenance")
+    return subject_of(**{name: getattr(result, name) for name in names})
 
 
 def finished(
@@ -68,15 +55,15 @@ def finished(
     _refuse_files(Path(out))
     _refuse_datasets(Path(out))
     journal = Journal(out)
-    begun, result = journal.subject(), _result(out, overwrite)
-    if result is not None and begun is None:
+    started, result = journal.subject(), _result(out, overwrite)
+    if result is not None and started is None:
         differing = _differences({**subject_of_result(result), CALLED: result.policy}, subject, called)
         if not differing:
             return result
         _refuse(out, "the result of another evaluation", differing, overwrite)
-    if begun is None:
+    if started is None:
         journal.close()  # flights of nobody knows what: a folder that was being cleared away
-    if begun is not None and (differing := _differences(begun, subject, called)):
+    if started is not None and (differing := _differences(started, subject, called)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)
         journal.close()
     return None

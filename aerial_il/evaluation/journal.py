@@ -51,12 +51,12 @@ class Journal:
         self.path, self._subject = Path(out) / FOLDER, dict[str, Any]()
 
     def subject(self) -> dict[str, Any] | None:
-        """Return what is evaluated here, or None where nothing was begun."""
+        """Return what is evaluated here, or None where nothing was started."""
         try:
-            found = read_json(self.path / NOTE)
+            subject = read_json(self.path / NOTE)
         except (FileNotFoundError, ValueError):
             return None
-        return found if isinstance(found, dict) else None
+        return subject if isinstance(subject, dict) else None
 
     def begin(self, subject: Mapping[str, Any]) -> None:
         """Keep what ends from now on as flights of ``subject``."""
@@ -67,16 +67,15 @@ class Journal:
         if not (self.path / NOTE).exists():  # a mistake that shows before the first flight leaves nothing behind
             write_json(self.path / NOTE, self._subject)
         flight, buffer = kept.flight, io.BytesIO()
-        told = {"record": kept.record.to_dict(), "phase_names": flight.phase_names, "wall_s": kept.wall_s}
+        facts = {"record": kept.record.to_dict(), "phase_names": flight.phase_names, "wall_s": kept.wall_s}
         arrays = {"ee_path": flight.ee_path, "actions": flight.actions, "phase": flight.phase}
         there: dict[str, Any] = {name: array for name, array in arrays.items() if array is not None}
-        np.savez_compressed(buffer, told=np.frombuffer(json.dumps(told).encode(), np.uint8), **there)
+        np.savez_compressed(buffer, facts=np.frombuffer(json.dumps(facts).encode(), np.uint8), **there)
         write_atomic(self._file(kept.record.seed), buffer.getvalue())
 
     def read(self, seeds: Iterable[int]) -> dict[int, Kept]:
         """Return the finished flights of ``seeds``; one that cannot be read counts as not flown."""
-        found = ((seed, self._read(self._file(seed))) for seed in seeds)
-        return {seed: kept for seed, kept in found if kept is not None}
+        return {seed: kept for seed in seeds if (kept := self._read(self._file(seed))) is not None}
 
     def close(self) -> None:
         """Forget the flights: their result is written, or they are not wanted."""
@@ -89,10 +88,10 @@ class Journal:
         if not file.exists():
             return None
         try:
-            shown = read_npz(file, ("told", "ee_path", "actions", "phase"))
-            told = parse_json(shown.pop("told").tobytes())
-            flight = Flight(**shown, phase_names=tuple(told["phase_names"]))
-            return Kept(EpisodeRecord.from_dict(told["record"]), flight, told["wall_s"])
+            shown = read_npz(file, ("facts", "ee_path", "actions", "phase"))
+            facts = parse_json(shown.pop("facts").tobytes())
+            flight = Flight(**shown, phase_names=tuple(facts["phase_names"]))
+            return Kept(EpisodeRecord.from_dict(facts["record"]), flight, facts["wall_s"])
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             log.warning("%s cannot be read (%s); its seed is flown anew.", file, error)
             return None

@@ -42,7 +42,7 @@ class EpisodeRecord:
             was as the task asks.
         action_rate_rms: unit -> root mean square of the executed action's first derivative, e.g. ``m/s``.
         action_fast_share: share of the executed action's changes that lies above ``FAST_HZ``, by their power; None for
-            short episodes, and where actions follow each other too slowly to tell.
+            short episodes, and where actions follow each other too slowly.
     """
 
     seed: int
@@ -116,21 +116,18 @@ def metrics_of(episodes: Sequence[EpisodeRecord]) -> tuple[Metric, ...]:
     """Return every metric that these episodes have: the common ones, a jerk and a rate per unit of the action."""
     jerks = dict.fromkeys(unit for episode in episodes for unit in episode.action_jerk_rms)
     rates = dict.fromkeys(unit for episode in episodes for unit in episode.action_rate_rms)
-    return (RETURN, *METRICS, *map(_jerk_metric, jerks), *map(_rate_metric, rates))
+    return (
+        RETURN,
+        *METRICS,
+        *(_of_action("jerk", unit) for unit in jerks),
+        *(_of_action("rate", unit) for unit in rates),
+    )
 
 
-def _jerk_metric(unit: str) -> Metric:
-    label = f"Action jerk ({_raised(unit)})"
-    return Metric(f"action_jerk_rms[{unit}]", label, unit, lambda e: e.action_jerk_rms.get(unit), "lower")
-
-
-def _rate_metric(unit: str) -> Metric:
-    label = f"Action rate ({_raised(unit)})"
-    return Metric(f"action_rate_rms[{unit}]", label, unit, lambda e: e.action_rate_rms.get(unit), "lower")
-
-
-def _raised(unit: str) -> str:
-    return unit.replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
+def _of_action(kind: Literal["jerk", "rate"], unit: str) -> Metric:
+    field_name, raised = f"action_{kind}_rms", unit.replace("^2", "²").replace("^3", "³").replace("^4", "⁴")
+    label = f"Action {kind} ({raised})"
+    return Metric(f"{field_name}[{unit}]", label, unit, lambda e: getattr(e, field_name).get(unit), "lower")
 
 
 def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
@@ -176,12 +173,12 @@ def action_jerk_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> d
     Returns:
         ``unit/s^3`` -> value, by third finite differences; empty for fewer than four steps.
     """
-    return {_per_s3(unit): value for unit, value in _derivative_rms(actions, units, dt_s, order=3).items()}
+    return _derivative_rms(actions, units, dt_s, order=3)
 
 
 def action_rate_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
     """Return the root mean square first derivative of an action sequence, ``unit/s`` -> value; see above."""
-    return {_per_s(unit): value for unit, value in _derivative_rms(actions, units, dt_s, order=1).items()}
+    return _derivative_rms(actions, units, dt_s, order=1)
 
 
 def _derivative_rms(actions: np.ndarray, units: Sequence[str], dt_s: float, *, order: int) -> dict[str, float]:
@@ -189,7 +186,7 @@ def _derivative_rms(actions: np.ndarray, units: Sequence[str], dt_s: float, *, o
         return {}
     squared = (np.diff(actions, n=order, axis=0) / dt_s**order) ** 2
     of_unit = {unit: [k for k, other in enumerate(units) if other == unit] for unit in units}
-    return {unit: float(np.sqrt(squared[:, columns].mean())) for unit, columns in of_unit.items()}
+    return {_per_s(unit, order): float(np.sqrt(squared[:, columns].mean())) for unit, columns in of_unit.items()}
 
 
 def action_fast_share(low: np.ndarray, high: np.ndarray, actions: np.ndarray, dt_s: float) -> float | None:
@@ -264,12 +261,10 @@ def _last_known(values: np.ndarray) -> float | None:
     return float(known[-1]) if known.size else None
 
 
-def _per_s(unit: str) -> str:
-    return f"{unit.removesuffix('/s')}/s^2" if unit.endswith("/s") else f"{unit or '1'}/s"
-
-
-def _per_s3(unit: str) -> str:
-    return f"{unit.removesuffix('/s')}/s^4" if unit.endswith("/s") else f"{unit or '1'}/s^3"
+def _per_s(unit: str, order: int) -> str:
+    """Return the unit of the derivative of that order: ``m`` -> ``m/s^3``, ``m/s`` -> ``m/s^4``."""
+    order += unit.endswith("/s")
+    return f"{unit.removesuffix('/s') or '1'}/s" + (f"^{order}" if order > 1 else "")
 
 
 def _tidy(time_s: float) -> float:

@@ -120,18 +120,15 @@ class EvaluationResult:
 
     def return_line(self) -> str:
         """The mean return in one line, e.g. ``312.4 (95 % interval 290.1 to 330.0)``."""
-        found = spread(RETURN.key, map(RETURN.value, self.episodes))
-        lo, hi = found["ci95"]
-        return f"{found['mean']:.1f} (95 % interval {lo:.1f} to {hi:.1f})"
+        returns = spread(RETURN.key, map(RETURN.value, self.episodes))
+        lo, hi = returns["ci95"]
+        return f"{returns['mean']:.1f} (95 % interval {lo:.1f} to {hi:.1f})"
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``evaluation.json``."""
         return {
             "schema": SCHEMA,
-            "robot": self.robot,
-            "task": self.task,
-            "tier": self.tier,
-            "policy": self.policy,
+            **{name: getattr(self, name) for name in ("robot", "task", "tier", "policy")},
             "episodes": len(self.episodes),
             "seeds": [self.seeds[0], self.seeds[-1]],
             "success": self.success,
@@ -166,10 +163,10 @@ def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
         stated = raw["episodes"], raw["success"]["count"]
     except (KeyError, TypeError, AttributeError) as error:
         raise InvalidValueError(f"{path}: not an evaluation: {error}.") from error
-    found = len(episodes), sum(episode.success for episode in episodes)
-    if found != stated:
+    listed = len(episodes), sum(episode.success for episode in episodes)
+    if listed != stated:
         says = "{} episodes with {} successes"
-        raise InvalidValueError(f"{path}: states {says.format(*stated)}, but lists {says.format(*found)}.")
+        raise InvalidValueError(f"{path}: states {says.format(*stated)}, but lists {says.format(*listed)}.")
     return EvaluationResult(episodes=episodes, flights=_load_paths(path.with_name(PATHS_NAME)), **head)
 
 

@@ -182,9 +182,7 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
         "environment": {
             "instruction": spec.instruction,
             "action_level": spec.action.level,
-            "controller": spec.controller,
-            "control_dt_s": spec.control_dt_s,
-            "max_steps": spec.max_steps,
+            **{name: getattr(spec, name) for name in ("controller", "control_dt_s", "max_steps")},
             "num_envs": env.num_envs,
             "disturbances": dict(spec.disturbances),
             "options": dict(spec.options),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -88,18 +89,19 @@ class RunCollection:
         return {**settings_of(run), **self.row(run)}.get(key)
 
     def _condition(self, text: str) -> tuple[str, Callable[[Any], bool]]:
-        found = _CONDITION.fullmatch(text.strip())
-        if found is None:
+        parts = _CONDITION.fullmatch(text.strip())
+        if parts is None:
             raise InvalidValueError(f"where={text} is not a condition; give KEY=VALUE, or one of {' '.join(_SIGNS)}.")
-        sign, wanted = found["sign"], _read(found["value"].strip())
+        sign, text_wanted = parts["sign"], parts["value"].strip()
+        wanted = _read(text_wanted)
 
         def holds(value: Any) -> bool:
             try:
-                return bool(_SIGNS[sign](value, wanted)) or (sign == "=" and str(value) == found["value"].strip())
+                return bool(_SIGNS[sign](value, wanted)) or (sign == "=" and str(value) == text_wanted)
             except TypeError:  # a run without this number, or text compared with one
                 return False
 
-        return self._known(found["key"].strip()), holds
+        return self._known(parts["key"].strip()), holds
 
     def _known(self, key: str) -> str:
         """Return the column or setting that ``key`` names, the end of its name being enough where that is one alone."""
@@ -127,20 +129,20 @@ def read_runs(folder: str | os.PathLike[str]) -> RunCollection:
             runs.append(read_run(place))
         except AerialError as error:
             refused[place] = _half_written(place) or " ".join(str(error).split())
-    strange = [] if is_run(folder) else _strangers(folder, {*(run.path for run in runs), *refused})
-    refused |= dict.fromkeys(strange, "holds no training run")
+    others = [] if is_run(folder) else _others(folder, {*(run.path for run in runs), *refused})
+    refused |= dict.fromkeys(others, "holds no training run")
     return RunCollection(folder, tuple(runs), refused, axes_of(runs))
 
 
 def axes_of(runs: Sequence[TrainingRun]) -> dict[str, list[Any]]:
     """Return the settings in which ``runs`` differ -> their values, in order."""
     each = [settings_of(run) for run in runs]
-    found = {}
+    axes = {}
     for key in dict.fromkeys(key for settings in each for key in settings):
         values = {repr(settings.get(key)): settings.get(key) for settings in each}
         if len(values) > 1:
-            found[key] = sorted(values.values(), key=_order)
-    return found
+            axes[key] = sorted(values.values(), key=_order)
+    return axes
 
 
 def settings_of(run: TrainingRun) -> dict[str, Any]:
@@ -157,20 +159,20 @@ def state_of(run: TrainingRun) -> str:
 
 def _candidates(folder: Path) -> list[Path]:
     """Return the folders that are runs or begin to be, by name; a run's own folders and links are not entered."""
-    found: list[Path] = []
+    runs: list[Path] = []
     for place, inner, files in os.walk(folder):
         if CONFIG in files or METRICS in files:
-            found.append(Path(place))
+            runs.append(Path(place))
             inner.clear()
         inner[:] = sorted(name for name in inner if name not in _INSIDE and not name.startswith("."))
-    return sorted(found)
+    return sorted(runs)
 
 
-def _strangers(folder: Path, read: set[Path]) -> list[Path]:
+def _others(folder: Path, read: set[Path]) -> list[Path]:
     """Return the folders right below ``folder`` in and below which nothing was ``read``."""
-    homes = read | {parent for place in read for parent in place.parents}
+    known = read | {parent for place in read for parent in place.parents}
     entered = (child for child in sorted(folder.iterdir()) if child.is_dir() and not child.name.startswith("."))
-    return [child for child in entered if child not in homes and child.name not in _INSIDE]
+    return [child for child in entered if child not in known and child.name not in _INSIDE]
 
 
 def _half_written(place: Path) -> str:
@@ -182,13 +184,9 @@ def _half_written(place: Path) -> str:
 def _read(text: str) -> Any:
     """Return a value as it is meant: a number, true, false, null, or text."""
     named = {"true": True, "false": False, "null": None}
-    if text in named:
-        return named[text]
-    for kind in (int, float):
-        try:
+    for kind in (named.__getitem__, int, float):
+        with suppress(KeyError, ValueError):
             return kind(text)
-        except ValueError:
-            continue
     return text
 
 

@@ -7,7 +7,7 @@ permutation tests, which assume no distribution. Everything random takes a gener
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,8 +46,8 @@ def wilson(count: int, total: int, *, level: float = 0.95) -> Interval:
     _quantile(level)  # refuses levels outside (0, 1)
     if total == 0:
         return NO_INTERVAL
-    found = stats.binomtest(int(count), int(total)).proportion_ci(level, method="wilson")
-    return Interval(float(found.low), float(found.high))
+    interval = stats.binomtest(int(count), int(total)).proportion_ci(level, method="wilson")
+    return Interval(float(interval.low), float(interval.high))
 
 
 def bootstrap_mean(
@@ -70,16 +70,7 @@ def bootstrap_mean(
     values = _finite(values)
     if values.size < 2:  # the library refuses one observation: its resamples are all the same
         return Interval(float(values[0]), float(values[0])) if values.size else NO_INTERVAL
-    found = stats.bootstrap(
-        (values,),
-        np.mean,
-        n_resamples=resamples,
-        batch=_batch(values.size),
-        confidence_level=level,
-        method="percentile",
-        rng=rng,
-    )
-    return Interval(float(found.confidence_interval.low), float(found.confidence_interval.high))
+    return _bootstrap((values,), np.mean, rng=rng, level=level, resamples=resamples)
 
 
 def bootstrap_difference(
@@ -100,16 +91,7 @@ def bootstrap_difference(
     a, b = _finite(a), _finite(b)
     if min(a.size, b.size) < 2:
         return NO_INTERVAL
-    found = stats.bootstrap(
-        (a, b),
-        _difference_of_means,
-        n_resamples=resamples,
-        batch=_batch(a.size + b.size),
-        confidence_level=level,
-        method="percentile",
-        rng=rng,
-    )
-    return Interval(float(found.confidence_interval.low), float(found.confidence_interval.high))
+    return _bootstrap((a, b), _difference_of_means, rng=rng, level=level, resamples=resamples)
 
 
 def t_interval(values: np.ndarray, *, level: float = 0.95) -> Interval:
@@ -236,8 +218,8 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return np.mean(x, axis=axis) - np.mean(y, axis=axis)
 
     batch = _batch(a.size + b.size)
-    found = stats.permutation_test((a, b), difference, vectorized=True, n_resamples=resamples, batch=batch, rng=rng)
-    return float(found.pvalue)
+    test = stats.permutation_test((a, b), difference, vectorized=True, n_resamples=resamples, batch=batch, rng=rng)
+    return float(test.pvalue)
 
 
 def paired_permutation_test(
@@ -250,16 +232,17 @@ def paired_permutation_test(
     differences = _finite(differences)
     if differences.size < 2:
         return 1.0 if differences.size else math.nan
-    found = stats.permutation_test(
+    batch = _batch(differences.size)
+    test = stats.permutation_test(
         (differences,),
         np.mean,
         permutation_type="samples",
         vectorized=True,
         n_resamples=resamples,
-        batch=_batch(differences.size),
+        batch=batch,
         rng=rng,
     )
-    return float(found.pvalue)
+    return float(test.pvalue)
 
 
 def smallest_p(resamples: int = RELABELLINGS) -> float:
@@ -282,6 +265,18 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return adjusted.tolist()
 
 
+def _bootstrap(
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], *, rng: np.random.Generator, level: float,
+    resamples: int,
+) -> Interval:  # fmt: skip
+    """Return the percentile interval of a statistic of one or several independent samples."""
+    batch = _batch(sum(sample.size for sample in samples))
+    drawn = stats.bootstrap(
+        samples, statistic, n_resamples=resamples, batch=batch, confidence_level=level, method="percentile", rng=rng
+    )
+    return Interval(float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+
+
 def _batch(size: int) -> int:
     """Return how many resamples of ``size`` numbers are drawn at once: a million numbers, to bound memory."""
     return max(1, 1_000_000 // size)
@@ -300,5 +295,5 @@ def _finite(values: np.ndarray) -> np.ndarray:
 
 def _quantile(level: float) -> float:
     if not 0 < level < 1:
-        raise InvalidValueError(f"Confidence level {level} lies outside (0, 1); 0.95 is usual.")
+        raise InvalidValueError(f"Confidence level {level} lies outside (0, 1); 0.95 is the default.")
     return float(stats.norm.ppf((1 + level) / 2))

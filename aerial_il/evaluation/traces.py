@@ -97,7 +97,7 @@ class TraceBuffer:
         self.steps[worlds] += 1
 
     def cut(self, world: int, *, seed: int, success: bool, crash: bool, dropped: bool = False) -> Trace:
-        """Return the episode of one world and make room for its next."""
+        """Return the episode of one world and clear it for its next."""
         length = int(self.steps[world])
         self.steps[world] = 0
         columns = {name: column[:length, world].copy() for name, column in self._columns.items()}

@@ -54,7 +54,7 @@ class TrainingRun:
         path: the folder. config: what determined the run. rows: of its metrics. provenance: code, packages, machine.
         command: what was typed, and the dataset; empty if the run was not started from the command line.
         finished: whether it has its final policy.
-        judged: evaluations found below the folder, by the name of theirs.
+        judged: evaluations that lie below the folder, by the name of theirs.
     """
 
     path: Path
@@ -163,16 +163,16 @@ def read_run(path: str | os.PathLike[str]) -> TrainingRun:
         raise InvalidValueError(f"{path} cannot be read as a training run: {error}.") from error
     if not isinstance(config, dict):
         raise InvalidValueError(f"{path / CONFIG} holds no settings.")
-    judged = {found.parent.name: load_result(found) for found in sorted(path.glob(f"*/{FILE_NAME}"))}
+    judged = {file.parent.name: load_result(file) for file in sorted(path.glob(f"*/{FILE_NAME}"))}
     finished = (path / FINAL).is_dir()
     return TrainingRun(path, config, list(read_rows(path / METRICS)), provenance, command, finished, judged)
 
 
 def _json(path: Path) -> dict[str, Any]:
-    found = read_json(path) if path.exists() else {}
-    if not isinstance(found, dict):
+    content = read_json(path) if path.exists() else {}
+    if not isinstance(content, dict):
         raise ValueError(f"{path.name} is not a JSON object")
-    return found
+    return content
 
 
 def _dotted(tree: Any, prefix: str = "") -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Scripted experts, one file per task. A module in this folder that defines ``EXPERT`` is registered by being there."""
+"""Scripted experts: one file for each task, registered by being there."""
 
 from __future__ import annotations
 

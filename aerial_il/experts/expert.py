@@ -8,7 +8,7 @@ take over from any state: the phase to start with is read off the state.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -119,6 +119,13 @@ class Expert(ABC):
     @abstractmethod
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Target position (n, 3), rot6d (n, 6) and gripper opening (n,) for the present phases."""
+
+    def following(self, rules: Sequence[tuple[int, np.ndarray, int]]) -> np.ndarray:
+        """(n,) phases that follow by rules (phase, (n,) bool: it is due, next phase), the first that applies."""
+        phases = self.phase.copy()
+        for here, due, there in reversed(rules):
+            phases = np.where((self.phase == here) & due, there, phases)
+        return phases
 
     def noise_share(self) -> np.ndarray:
         """(n,) share of the perturbation from which the present phase can recover: less where force counts."""

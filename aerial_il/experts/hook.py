@@ -59,7 +59,7 @@ class HookExpert(Expert):
         return np.where(self.hooked() & ~self._too_deep(), PULL, HOVER)
 
     def next_phase(self) -> np.ndarray:
-        phase, error = self.phase, self._misalignment()
+        error = self._misalignment()
         hooked = self.hooked() & ~self._too_deep()
         rules = (
             (HOVER, (error <= 1.0) & self._facing(), DESCEND),
@@ -67,10 +67,7 @@ class HookExpert(Expert):
             (DESCEND, error > LOST_ALIGNMENT, HOVER),
             (PULL, ~hooked, HOVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         phase, tool = self.phase, self.view.tool_pos

@@ -24,7 +24,7 @@ DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes 
 LOST_GAP_M = 1.4 * PEG_RADIUS_M  # between the pads
 NARROW_M = 0.05  # between the pads on the way down to a peg that lies: what stands beside it is not to be touched
 GRIP_STEPS, GRIP_PATIENCE_STEPS = 3, 60
-LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift begun too soon pulls little
+LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift started too soon pulls little
 LYING_COS = 0.3  # a peg leaning more than this is grasped near its forward end instead of its upper one
 LEANING = 0.15  # sine of the lean from which on the fingers turn to close across it
 CARRY_HEIGHT_M = 0.10  # of the peg's lower end above the table: clear of stand and socket
@@ -55,7 +55,7 @@ class InsertPegExpert(Expert):
         return np.where(inside >= INSERTED_M, RELEASE, phase)
 
     def next_phase(self) -> np.ndarray:
-        view, phase = self.view, self.phase
+        view = self.view
         tool, end, hole, grasp = view.tool_pos, lower_end(view), view.site_pos("hole"), self._grasp()[0]
         beside, beside_hole = planar_length(grasp - tool), planar_length(end - hole)
         over = (beside <= ALIGNED_M) & self._facing_peg()
@@ -83,10 +83,7 @@ class InsertPegExpert(Expert):
             (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
             (RETREAT, inside < INSERTED_M, HOVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase

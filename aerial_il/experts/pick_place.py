@@ -24,7 +24,7 @@ GRIP_STEPS = 3  # contact on both pads before lifting; a policy cannot see how l
 GRIP_PATIENCE_STEPS = 60  # closing for longer than this is a miss
 DROP_GATE_M = 0.055  # cube above the bowl's underside at which it may be let go
 DROP_TARGET_M = 0.035  # beyond its gate, so that the gate is passed at speed
-LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift begun too soon pulls little
+LIFT_LEAD_M = 0.015  # sent up by this much at first, by more as it rises: a lift started too soon pulls little
 NOISE_ON_THE_WAY, NOISE_IN_FINE_WORK = 0.5, 0.2  # a command that wanders by a centimetre comes down on the cube
 DESCENT_LEAD_M = 0.08  # how far ahead of itself the tool is sent while it goes down
 OPEN_ENOUGH = 0.8
@@ -44,7 +44,7 @@ class PickPlaceExpert(Expert):
         return np.where(self._held(), LIFT, HOVER)
 
     def next_phase(self) -> np.ndarray:
-        view, phase = self.view, self.phase
+        view = self.view
         cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
         beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
         over_cube = (beside_cube <= self._room()) & self._facing_cube()
@@ -74,10 +74,7 @@ class PickPlaceExpert(Expert):
             (RELEASE, view.gripper[:, 0] >= OPEN_ENOUGH, RETREAT),
             (RETREAT, gone_up & ~inside, HOVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase

@@ -33,7 +33,7 @@ class PushSliderExpert(Expert):
         return np.where(behind, PUSH, OVER)
 
     def next_phase(self) -> np.ndarray:
-        phase, (along, aside, above) = self.phase, self._offset()
+        along, aside, above = self._offset()
         ready = (np.abs(along + BEHIND_M) <= ALIGNED_M) & (np.abs(aside) <= ALIGNED_M)
         lost = (np.abs(aside) > LOST_ALIGNMENT_M) | (along > 0.0)
         rules = (
@@ -42,10 +42,7 @@ class PushSliderExpert(Expert):
             (LOWER, above <= LOW_M, PUSH),
             (PUSH, lost | (above > HANDLE_HALF_M[2]), OVER),
         )
-        following = phase.copy()
-        for here, due, there in reversed(rules):
-            following = np.where((phase == here) & due, there, following)
-        return following
+        return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase

@@ -1,4 +1,4 @@
-"""Policies: each file of this folder is one, found by its name; what they share lies in ``parts``."""
+"""Policies: one file each, its network and its settings; what several share lies in ``parts``."""
 
 from __future__ import annotations
 

@@ -19,14 +19,14 @@ defaults are the size of one processor core; ``policy=act_paper`` has the paper'
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 
+from aerial_il.core.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import DISTANCES, Loss
-from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -75,12 +75,10 @@ class ACT(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("loss", self.loss, get_args(Loss))
-        check_dropout(self.dropout)
-        check_positive(width=self.width, heads=self.heads, feedforward=self.feedforward, latent=self.latent)
-        check_positive(encoder_layers=self.encoder_layers, decoder_layers=self.decoder_layers)
-        if self.kl_weight < 0:
-            raise InvalidValueError(f"kl_weight is {self.kl_weight}; it must not be negative.")
+        require_choice(self, "loss", Loss)
+        require_share(self, "dropout", below_one=True)
+        require_positive(self, "width", "heads", "feedforward", "latent", "encoder_layers", "decoder_layers")
+        require_not_negative(self, "kl_weight")
         if self.width % self.heads:
             raise InvalidValueError(f"width is {self.width}; it must be a multiple of heads, {self.heads}.")
 

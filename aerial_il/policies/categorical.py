@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Literal
 
 import torch
 from torch import Tensor, nn
 
-from aerial_il.policies.parts.layers import check_choice, check_layers
+from aerial_il.core.checks import require_choice, require_widths
 from aerial_il.policies.parts.network import Encoder, PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 from aerial_il.policies.squashed_gaussian import ACTIVATIONS, Activation
@@ -61,9 +61,9 @@ class Categorical(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_layers(self.hidden, dropout=0.0)
-        check_choice("activation", self.activation, get_args(Activation))
-        check_choice("choices", self.choices, get_args(Choices))
+        require_widths(self, "hidden")
+        require_choice(self, "activation", Activation)
+        require_choice(self, "choices", Choices)
 
     def build(self, obs_size: int, action_size: int) -> CategoricalNetwork:
         return CategoricalNetwork(self, obs_size, action_size)

@@ -25,15 +25,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Literal
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
-from aerial_il.policies.parts.layers import check_choice, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -83,9 +83,9 @@ class Diffusion(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("sampler", self.sampler, get_args(Sampler))
-        check_choice("predict", self.predict, get_args(Target))
-        check_positive(width=self.width, blocks=self.blocks, noise_steps=self.noise_steps, clip=self.clip)
+        require_choice(self, "sampler", Sampler)
+        require_choice(self, "predict", Target)
+        require_positive(self, "width", "blocks", "noise_steps", "clip")
         if not 1 <= self.denoise_steps <= self.noise_steps:
             raise InvalidValueError(
                 f"denoise_steps is {self.denoise_steps}; it must lie in [1, {self.noise_steps}], that is noise_steps."

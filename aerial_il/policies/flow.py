@@ -20,14 +20,14 @@ Flow Model for General Robot Control", 2024, appendix B (velocity; times with s 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import torch
 from torch import Tensor
 from torch.nn import functional
 
+from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.policies.parts.denoiser import Denoiser
-from aerial_il.policies.parts.layers import check_choice, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -71,8 +71,8 @@ class Flow(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("predict", self.predict, get_args(Target))
-        check_positive(width=self.width, blocks=self.blocks, euler_steps=self.euler_steps, clip=self.clip)
+        require_choice(self, "predict", Target)
+        require_positive(self, "width", "blocks", "euler_steps", "clip")
 
     def build(self, obs_size: int, action_size: int) -> FlowNetwork:
         return FlowNetwork(self, obs_size, action_size)

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from torch import Tensor, nn
+from torch import nn
 
-from aerial_il.policies.parts.heads import GaussianHead
-from aerial_il.policies.parts.layers import check_layers, check_positive, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.core.checks import require_positive, require_share, require_widths
+from aerial_il.policies.parts.heads import GaussianHead, HeadedNetwork, hidden_layers
+from aerial_il.policies.parts.network import Encoder, PolicySettings
 from aerial_il.policies.parts.normaliser import Scaling
 
 
@@ -52,25 +52,10 @@ class Gaussian(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_layers(self.hidden, self.dropout)
-        check_positive(min_std=self.min_std)
+        require_widths(self, "hidden")
+        require_share(self, "dropout", below_one=True)
+        require_positive(self, "min_std")
 
-    def build(self, obs_size: int, action_size: int) -> GaussianNetwork:
-        return GaussianNetwork(self, obs_size, action_size)
-
-
-class GaussianNetwork(ChunkNetwork):
-    """The perceptron of ``mlp`` with a normal distribution at its end."""
-
-    def __init__(self, config: Gaussian, obs_size: int, action_size: int) -> None:
-        super().__init__()
-        self.body = nn.Sequential(
-            nn.Flatten(), *hidden_layers(config.history * obs_size, config.hidden, config.dropout)
-        )
-        self.head = GaussianHead(config.hidden[-1], (config.chunk, action_size), config.min_std)
-
-    def forward(self, obs: Tensor) -> Tensor:
-        return self.head(self.body(obs))
-
-    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        return self.head.loss(self.body(obs), actions, valid)
+    def build(self, obs_size: int, action_size: int) -> HeadedNetwork:
+        body = nn.Sequential(nn.Flatten(), *hidden_layers(self.history * obs_size, self.hidden, self.dropout))
+        return HeadedNetwork(body, GaussianHead(self.hidden[-1], (self.chunk, action_size), self.min_std))

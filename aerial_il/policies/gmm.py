@@ -18,11 +18,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from torch import Tensor, nn
+from torch import nn
 
-from aerial_il.policies.parts.heads import MixtureHead
-from aerial_il.policies.parts.layers import check_layers, check_positive, hidden_layers
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
+from aerial_il.core.checks import require_positive, require_share, require_widths
+from aerial_il.policies.parts.heads import HeadedNetwork, MixtureHead, hidden_layers
+from aerial_il.policies.parts.network import Encoder, PolicySettings
 from aerial_il.policies.parts.normaliser import Scaling
 
 
@@ -60,26 +60,11 @@ class GMM(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_layers(self.hidden, self.dropout)
-        check_positive(modes=self.modes, min_std=self.min_std)
+        require_widths(self, "hidden")
+        require_share(self, "dropout", below_one=True)
+        require_positive(self, "modes", "min_std")
 
-    def build(self, obs_size: int, action_size: int) -> GMMNetwork:
-        return GMMNetwork(self, obs_size, action_size)
-
-
-class GMMNetwork(ChunkNetwork):
-    """The perceptron of ``mlp`` with a mixture over chunks at its end."""
-
-    def __init__(self, config: GMM, obs_size: int, action_size: int) -> None:
-        super().__init__()
-        self.body = nn.Sequential(
-            nn.Flatten(), *hidden_layers(config.history * obs_size, config.hidden, config.dropout)
-        )
-        self.head = MixtureHead(config.hidden[-1], (config.chunk, action_size), config.modes, config.min_std)
-        self.noise_size, self.redraws = self.head.noise_size, config.redraw
-
-    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
-        return self.head(self.body(obs), noise)
-
-    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        return self.head.loss(self.body(obs), actions, valid)
+    def build(self, obs_size: int, action_size: int) -> HeadedNetwork:
+        body = nn.Sequential(nn.Flatten(), *hidden_layers(self.history * obs_size, self.hidden, self.dropout))
+        head = MixtureHead(self.hidden[-1], (self.chunk, action_size), self.modes, self.min_std)
+        return HeadedNetwork(body, head, redraws=self.redraw)

@@ -15,11 +15,16 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.policies.parts.layers import check_dropout, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
 from aerial_il.policies.parts.normaliser import Scaling
+
+THEIRS = (
+    "dim_model", "n_heads", "dim_feedforward", "n_encoder_layers", "n_decoder_layers", "n_vae_encoder_layers",
+    "use_vae", "latent_dim", "kl_weight", "dropout",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,12 +69,10 @@ class LerobotACT(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_dropout(self.dropout)
-        check_positive(dim_model=self.dim_model, n_heads=self.n_heads, dim_feedforward=self.dim_feedforward)
-        check_positive(n_encoder_layers=self.n_encoder_layers, n_decoder_layers=self.n_decoder_layers)
-        check_positive(latent_dim=self.latent_dim)
-        if self.kl_weight < 0:
-            raise InvalidValueError(f"kl_weight is {self.kl_weight}; it must not be negative.")
+        require_share(self, "dropout", below_one=True)
+        require_positive(self, "dim_model", "n_heads", "dim_feedforward", "n_encoder_layers", "n_decoder_layers")
+        require_positive(self, "latent_dim")
+        require_not_negative(self, "kl_weight")
         if self.dim_model % (2 * self.n_heads):
             raise InvalidValueError(f"dim_model is {self.dim_model}; it must be an even multiple of n_heads.")
 
@@ -95,16 +98,7 @@ class LerobotACTNetwork(ChunkNetwork):
                 device="cpu",  # of the configuration alone: the trainer moves the network
                 chunk_size=config.chunk,
                 n_action_steps=config.chunk,
-                dim_model=config.dim_model,
-                n_heads=config.n_heads,
-                dim_feedforward=config.dim_feedforward,
-                n_encoder_layers=config.n_encoder_layers,
-                n_decoder_layers=config.n_decoder_layers,
-                n_vae_encoder_layers=config.n_vae_encoder_layers,
-                use_vae=config.use_vae,
-                latent_dim=config.latent_dim,
-                kl_weight=config.kl_weight,
-                dropout=config.dropout,
+                **{name: getattr(config, name) for name in THEIRS},
             )
         )
 

@@ -21,6 +21,10 @@ from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
+THEIRS = (
+    "down_dims", "kernel_size", "n_groups", "diffusion_step_embed_dim", "num_train_timesteps", "num_inference_steps",
+)  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class LerobotDiffusion(PolicySettings):
@@ -96,13 +100,8 @@ class LerobotDiffusionNetwork(ChunkNetwork):
                 n_obs_steps=1,
                 horizon=config.horizon,
                 n_action_steps=config.chunk,
-                down_dims=config.down_dims,
-                kernel_size=config.kernel_size,
-                n_groups=config.n_groups,
-                diffusion_step_embed_dim=config.diffusion_step_embed_dim,
                 noise_scheduler_type="DDIM",
-                num_train_timesteps=config.num_train_timesteps,
-                num_inference_steps=config.num_inference_steps,
+                **{name: getattr(config, name) for name in THEIRS},
                 do_mask_loss_for_padding=True,
             )
         )

@@ -7,12 +7,11 @@ the demonstrator waits. It fails where what to do next depends on what was done 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import get_args
 
 from torch import Tensor, nn
 
-from aerial_il.policies.parts.heads import DISTANCES, Loss
-from aerial_il.policies.parts.layers import check_choice, check_layers, hidden_layers
+from aerial_il.core.checks import require_choice, require_share, require_widths
+from aerial_il.policies.parts.heads import DISTANCES, Loss, hidden_layers
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -47,8 +46,9 @@ class MLP(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("loss", self.loss, get_args(Loss))
-        check_layers(self.hidden, self.dropout)
+        require_choice(self, "loss", Loss)
+        require_widths(self, "hidden")
+        require_share(self, "dropout", below_one=True)
 
     def build(self, obs_size: int, action_size: int) -> MLPNetwork:
         return MLPNetwork(self, obs_size, action_size)

@@ -14,13 +14,13 @@ core; ``policy=recurrent_robomimic`` are the paper's.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from torch import Tensor, nn
 
+from aerial_il.core.checks import require_choice, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.heads import GaussianHead, Head, Loss, MixtureHead, PointHead
-from aerial_il.policies.parts.layers import check_choice, check_dropout, check_positive
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -70,11 +70,10 @@ class Recurrent(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_choice("cell", self.cell, get_args(Cell))
-        check_choice("head", self.head, get_args(End))
-        check_choice("loss", self.loss, get_args(Loss))
-        check_positive(units=self.units, layers=self.layers, modes=self.modes, min_std=self.min_std)
-        check_dropout(self.dropout)
+        for name, choices in (("cell", Cell), ("head", End), ("loss", Loss)):
+            require_choice(self, name, choices)
+        require_positive(self, "units", "layers", "modes", "min_std")
+        require_share(self, "dropout", below_one=True)
         if self.dropout and self.layers == 1:
             raise InvalidValueError(f"dropout is {self.dropout}, but between layers, and there is one: set layers=2.")
 

@@ -11,14 +11,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Literal
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from aerial_il.core.checks import require_choice, require_widths
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.parts.layers import check_choice, check_layers
 from aerial_il.policies.parts.network import Encoder, PolicySettings, StochasticNetwork, masked_mean
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -62,9 +62,9 @@ class SquashedGaussian(PolicySettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_layers(self.hidden, dropout=0.0)
-        check_choice("activation", self.activation, get_args(Activation))
-        check_choice("spread", self.spread, get_args(Spread))
+        require_widths(self, "hidden")
+        require_choice(self, "activation", Activation)
+        require_choice(self, "spread", Spread)
         if not LOG_STD_LOW < self.log_std < LOG_STD_HIGH:
             raise InvalidValueError(f"log_std is {self.log_std}; it must lie in ({LOG_STD_LOW:g}, {LOG_STD_HIGH:g}).")
 

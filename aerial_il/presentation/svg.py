@@ -16,11 +16,10 @@ INK, COLOURS = "#333333", ("#3b6fb6", "#d98032", "#4f9d69", "#a65a9b", "#8c8c8c"
 LEGEND_COLUMNS = 6
 LEGEND_COLUMN_IN = 2.0  # width of one, with a long name
 PANEL_IN = (3.2, 2.3)  # width and height of one panel, inches
-STYLE: dict[Any, Any] = {
-    "svg.hashsalt": "aerial_il",
-    "svg.fonttype": "none",
-    "font.family": "sans-serif",
-    "font.size": 9,
+TEXT_STYLE: dict[Any, Any] = {
+    "svg.hashsalt": "aerial_il", "svg.fonttype": "none", "font.family": "sans-serif", "font.size": 9,
+}  # fmt: skip
+STYLE: dict[Any, Any] = TEXT_STYLE | {
     "axes.titlesize": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -55,7 +54,7 @@ def in_panels[K](
     """Draw one panel per key, two in a row, and return the SVG.
 
     Args:
-        titles: key -> title. draw: ``(axes, key) -> None``. width, height: of a panel, relative to the usual.
+        titles: key -> title. draw: ``(axes, key) -> None``. width, height: of a panel, relative to ``PANEL_IN``.
     """
     from matplotlib import rc_context
     from matplotlib.figure import Figure
@@ -71,7 +70,7 @@ def in_panels[K](
         for spare in axes[len(titles) :]:
             spare.set_visible(False)
         _legend(figure, axes[0])
-        return _svg(figure)
+        return svg_text(figure)
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
@@ -81,7 +80,8 @@ def _legend(figure: Figure, axes: Axes) -> None:
         figure.legend(handles, labels, loc="outside lower center", ncols=min(len(handles), LEGEND_COLUMNS, fitting))
 
 
-def _svg(figure: Figure) -> str:
+def svg_text(figure: Figure) -> str:
+    """Return a figure as the text of an SVG file, without the time at which it was drawn."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"

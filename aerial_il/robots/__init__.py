@@ -1,4 +1,4 @@
-"""Robots, one file each. A module in this folder that defines ``ROBOT`` is registered by being there."""
+"""Robots: one file each: body, rotors, arm, cameras, sensors."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from aerial_il.robots.robot import Robot
 
 AIR_DENSITY = 1.225  # kg/m³, at sea level
 FIGURE_OF_MERIT = 0.65  # of small rotors: ideal over actual power
-POSTURES = 20_000  # random ones, by which workspace and loads are found
+POSTURES = 20_000  # random ones, by which workspace and loads are estimated
 ORIGIN = (0.0, 0.0, 0.0)
 
 

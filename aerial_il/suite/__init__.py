@@ -1,1 +1,1 @@
-"""Environments for aerial manipulation: tasks, disturbances, single and batch worlds."""
+"""The environments: tasks, disturbances, sensors; one world or many, stepped together."""

@@ -11,6 +11,7 @@ from aerial_il.control.vehicle import Gains
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
+from aerial_il.core.seeding import seeds_of
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.episode.assessment import Assessment
@@ -111,11 +112,8 @@ class BatchEnvironment:
         Returns:
             Observations of all worlds.
         """
-        given = np.asarray(self.seeds.max() + 1 if seeds is None else seeds)
-        each = given + np.arange(self.num_envs) if given.ndim == 0 else given
-        if each.shape != (self.num_envs,):
-            raise InvalidValueError(f"seeds has one entry per world, ({self.num_envs},), got {each.shape}.")
-        self.simulation.reset(each, mask)
+        first = int(self.seeds.max()) + 1
+        self.simulation.reset(seeds_of(first if seeds is None else seeds, self.num_envs), mask)
         return self._seen(mask)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -149,7 +147,7 @@ class BatchEnvironment:
         return self._seen(mask)
 
     def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
-        """Let the bases gain velocities at once, between two steps, as a blow does; the state tells all of it.
+        """Let the bases gain velocities at once, between two steps, as a blow does; the state holds all of it.
 
         Args:
             velocity: (n, 3) m/s, world. mask: (n,) bool, the worlds that are pushed; None: all.

@@ -1,4 +1,4 @@
-"""Tell what has changed since something was recorded or trained: the meaning of its tier, or the engine."""
+"""What has changed since something was recorded or trained: the meaning of its tier, or the engine."""
 
 from __future__ import annotations
 

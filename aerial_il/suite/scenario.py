@@ -10,8 +10,8 @@ from typing import Any
 import mujoco
 
 from aerial_il import robots
-from aerial_il.control import controllers
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
@@ -55,7 +55,7 @@ class Scenario:
         tasks.check_cell(self.robot_name, self.task_name)
         object.__setattr__(self, "tier_name", self.tier.name)
         check_level(self.level, self.robot.vehicle, self.robot_name)
-        controllers.get(self.controller)
+        registry.get("controller", self.controller)
         object.__setattr__(self, "image_size", tuple(self.image_size))
         check_size(self.image_size)
         parse_cameras(self.cameras, self.camera)

@@ -15,6 +15,7 @@ from functools import cache, cached_property
 from typing import Any
 from zlib import crc32
 
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import disturbances
 from aerial_il.suite.disturbances.disturbance import Disturbance
@@ -56,7 +57,7 @@ class Tier:
 
     @property
     def marks(self) -> dict[int, float]:
-        """Place -> number in an episode's memory, which tell those behind it from what other tiers have there."""
+        """Place -> number in an episode's memory, which marks those behind it as this tier's."""
         return {at.start - 1: float(crc32(name.encode())) for name, at in self.memories.items() if at.start > MARKED}
 
     @property
@@ -81,13 +82,13 @@ def names() -> tuple[str, ...]:
 
 def components() -> tuple[str, ...]:
     """Names of all components, in the order in which a tier's name has them."""
-    known = disturbances.names()
+    known = registry.names("disturbance")
     return (*FIRST, *(name for name in known if name not in FIRST))
 
 
 def standard(component: str) -> Disturbance:
     """Return a component with the strength with which it is added to a tier."""
-    return disturbances.strengths(component).get("hard") or disturbances.get(component)()
+    return disturbances.strengths(component).get("hard") or registry.get("disturbance", component)()
 
 
 @cache

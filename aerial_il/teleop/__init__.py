@@ -1,1 +1,1 @@
-"""A person flies: devices, their mapping to commands, the flight at 50 Hz, sessions that record it, and a page."""
+"""A person flies: devices, mapping, flight at 50 Hz, sessions, and a page."""

@@ -1,1 +1,1 @@
-"""What can be done, each a file: typed settings and one function, which Python and the command line call alike."""
+"""What can be done: one file each, typed settings and a function, which Python and the command line call alike."""

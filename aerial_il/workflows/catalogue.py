@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
 
 GALLERY = "runs/gallery.html"
@@ -66,9 +67,8 @@ def gallery(settings: Gallery, page: str) -> Written:
 def catalogue() -> Catalogue:
     """Return everything that is registered, as plain rows."""
     from aerial_il import algorithms, policies, robots
-    from aerial_il.control import controllers
     from aerial_il.control.actions import ActionLevel
-    from aerial_il.suite import sensors, tasks, tiers
+    from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
     return {
@@ -83,15 +83,19 @@ def catalogue() -> Catalogue:
         ],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
         "tier_components": [_component_row(name, tiers.standard(name)) for name in tiers.components()],
-        "sensors": [_sensor_row(name) for name in sensors.names()],
+        "sensors": [_sensor_row(name) for name in registry.names("sensor")],
         "action_levels": [{"name": level.label} for level in ActionLevel],
-        "controllers": [{"name": name, "summary": controllers.get(name).summary} for name in controllers.names()],
+        "controllers": [
+            {"name": name, "summary": registry.get("controller", name).summary} for name in registry.names("controller")
+        ],
         "policies": [{"name": name} for name in policies.names()],
         "algorithms": [{"name": name} for name in algorithms.names()],
     }
 
 
 def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
+    from aerial_il.robots.parts.camera import STANDARD
+
     return {
         "name": robot.name,
         "summary": robot.summary,
@@ -99,7 +103,7 @@ def _robot_row(robot: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]
         "rotors": robot.num_rotors,
         "joints": robot.num_joints,
         "mass_kg": round(float(robot.vehicle.mass), 2),
-        "cameras": [camera.name for camera in robot.mounted_cameras],
+        "cameras": list(STANDARD) if robot.cameras is None else [camera.name for camera in robot.cameras],
         "tasks": [task for name, task in cells if name == robot.name],
     }
 

@@ -25,7 +25,7 @@ def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
     from aerial_il.data.dataset import open_dataset
 
-    dataset = open_dataset(settings.path, failures=True)
+    dataset = open_dataset(settings.path, failures=True, states=False)
     episodes = [_episode(e) for e in dataset]
     return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
 

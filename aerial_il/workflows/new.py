@@ -10,17 +10,20 @@ from typing import Literal, get_args
 
 from aerial_il.core.errors import InvalidValueError
 
-Kind = Literal["task", "robot", "disturbance", "sensor", "controller", "policy", "algorithm", "study"]
+Kind = Literal["task", "robot", "disturbance", "sensor", "controller", "format", "policy", "algorithm", "study"]
 KINDS: tuple[str, ...] = get_args(Kind)
-PAGES = {"task": "docs/writing_a_task.md"} | {
-    kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]
-}
+PAGES = (
+    {"task": "docs/writing_a_task.md"}
+    | {kind: f"docs/adding.md#{'an' if kind == 'algorithm' else 'a'}-{kind}" for kind in KINDS[1:]}
+    | {"format": "docs/adding.md#a-dataset-format"}
+)
 TRY = {
     "task": ["evaluate", "policy=expert", "robot=fa_hexa_arm4", "task=NAME", "episodes=20", "out=runs/NAME"],
     "robot": ["evaluate", "policy=expert", "robot=NAME", "task=reach", "episodes=20", "out=runs/NAME"],
     "disturbance": ["evaluate", "policy=expert", "robot=quad", "task=hover", "tier=calm+NAME", "out=runs/NAME"],
     "sensor": ["list", "json=true"],
     "controller": ["evaluate", "policy=expert", "robot=quad", "task=hover", "controller=NAME", "out=runs/NAME"],
+    "format": ["convert", "datasets/reach", "format=NAME"],
     "study": ["bench", "NAME"],
     "policy": ["train", "policy=NAME", "dataset=datasets/reach", "run=runs/NAME"],
     "algorithm": ["train", "algorithm=NAME", "policy=squashed_gaussian", "dataset=datasets/reach", "run=runs/NAME"],

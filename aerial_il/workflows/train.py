@@ -124,7 +124,9 @@ def train(settings: Train) -> ChunkPolicy:
         algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
     where = EnvironmentReference(options=given(success=settings.success, max_steps=settings.max_steps), **own)
-    episodes = _demonstrations(dataset, policy.images, where, failures=getattr(algorithm, "failures", False))
+    again = "collect" in algorithm.needs  # the demonstrations are recorded once more, beside what it flies
+    failures = getattr(algorithm, "failures", False)
+    episodes = _demonstrations(dataset, policy.images, where, failures=failures, states=again)
     rollouts = (settings.evaluate_episodes, settings.evaluate_seed, settings.evaluate_tier)
     evaluating = (
         RolloutEvaluator(*rollouts, threads=threads, env=settings.env).open()
@@ -158,7 +160,7 @@ def _evaluated(algorithm: Any, every: int) -> Any:
 
 
 def _demonstrations(
-    dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool
+    dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool, states: bool
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
     from aerial_il.workflows.parts import demonstrations
@@ -169,7 +171,9 @@ def _demonstrations(
         raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
     demonstrations.check_origin(path, where.expected)
     demonstrations.warn_of_changes(path)
-    return demonstrations.open_demonstrations(path, limit=dataset.episodes, images=images, failures=failures)
+    return demonstrations.open_demonstrations(
+        path, limit=dataset.episodes, images=images, failures=failures, states=states
+    )
 
 
 @contextmanager

@@ -8,7 +8,8 @@ version of the study measures them again::
       where: {robot: [fa_hexa_arm4], task: [reach, pick_place]}   # which rows of the table
       named_by: [robot, task]                # columns that name a claim; rows of one name are pooled by their counts
       number: percent
-      intervals: [flights, trainings]        # columns with its ends, ``flights_low`` and ``flights_high``
+      intervals: [flights, singles]          # columns with its ends, ``flights_low`` and ``flights_high``; of single
+                                             # trainings ``worst`` and ``best``, for the small version has one of them
       note: "..."                            # what the small version does differently, or why there is none
       alone: true                            # nothing else may run beside it, as where time is measured
 
@@ -75,6 +76,7 @@ class Check:
             return 100 * won / flown, 100 * low, 100 * high
         (row,) = rows
         ends = [row[f"{name}_{end}"] for name in self.intervals for end in ("low", "high") if f"{name}_{end}" in row]
+        ends += [row[name] for name in ("worst", "best") if "singles" in self.intervals]
         known = [end for end in (*ends, row[self.number]) if end is not None]
         for name in (name for name in self.intervals if isinstance(row.get(name), str)):  # "0.67-0.79"
             known += map(float, row[name].split("-"))

@@ -48,7 +48,7 @@ async def flown(seed: int, out: Path, run: str | None) -> list[Shot]:
         camera = asyncio.create_task(shooting(tab, shots))
         try:
             if run:
-                await person.until(lambda sight: bool(sight.verdict), LIMIT_S)
+                await person.until(lambda sight: bool(sight.verdict))
             elif not await person.fly(PLANS[TASK](), LIMIT_S):
                 raise SystemExit(f"seed {seed} was not solved: choose another one")
             await asyncio.sleep(0.8)

@@ -5,6 +5,7 @@ It ends when it leaves the line, and, if so made, when it has arrived. It cannot
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -59,6 +60,14 @@ class Drift(StatelessBatch):
 
     def _observe(self) -> dict[str, np.ndarray]:
         return {"position": self.position.copy(), "goal": self.goal.copy()}
+
+
+class Silent(Drift):
+    """Pays nothing and is never solved, whatever is done."""
+
+    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
+        result, nothing = super().step(actions, mask), np.zeros(self.num_envs)
+        return replace(result, reward=nothing, info={**result.info, "success": nothing.astype(bool)})
 
 
 def guide(obs: Any) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import time
-from dataclasses import is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,9 +13,8 @@ import pytest
 import yaml
 from scipy import stats
 
-from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
@@ -74,14 +73,6 @@ def test_validation_errors_are_in_the_units_of_the_action(demos: list[Episode], 
             assert 0.7 * size < row[f"validation/{label}"] < 1.8 * size
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_does_not(demos: list[Episode], tmp_path: Path) -> None:
-    settings = BC(steps=12, batch_size=16)
-    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        settings.train(demos[:5], MLP(hidden=(16,)), run=tmp_path / name, seed=seed, progress=False)
-    a, b, c = ((tmp_path / name / "policy" / "arrays.safetensors").read_bytes() for name in "abc")
-    assert a == b != c
-
-
 def test_time_can_end_a_run(demos: list[Episode], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "perf_counter", itertools.count(0.0, 0.001).__next__)  # a clock that each look moves on
     settings = BC(steps=10**9, minutes=0.01, batch_size=16)
@@ -103,12 +94,3 @@ def test_other_data_than_asked_for_is_refused(demos: list[Episode], tmp_path: Pa
 def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InvalidValueError, match=next(iter(wrong))):
         BC(**wrong)  # type: ignore[arg-type]
-
-
-def test_algorithms_are_found_by_name() -> None:
-    assert "bc" in algorithms.names()
-    for name in algorithms.names():
-        assert is_dataclass(algorithms.get(name)), name
-        assert callable(algorithms.get(name).train), name
-    with pytest.raises(UnknownNameError, match=r"Valid: .*bc"):
-        algorithms.get("bx")

@@ -87,14 +87,14 @@ def test_one_success_of_each_start_is_kept_and_nothing_else(whole: Path) -> None
         assert {flight.provenance["settings"]["turn"] for flight in flights} - {0}, "only the first ever solved one"
 
 
-def test_looking_away_finds_what_misled_and_the_learner_no_longer_heeds_it(whole: Path, tmp_path: Path) -> None:
+def test_the_learner_no_longer_heeds_what_misled_it(whole: Path, tmp_path: Path) -> None:
     alone = trained(tmp_path / "alone", attempts=1)
     first, last = (read_metrics(whole)[number]["starts_solved_first"] for number in (1, 2))
     assert last > first + 0.1
     assert last > read_metrics(alone)[2]["starts_solved_first"] + 0.1, "its own successes taught it as much"
 
 
-def test_fields_are_hidden_from_the_explorer_and_never_from_the_learner(whole: Path) -> None:
+def test_fields_are_hidden_from_the_explorer_alone(whole: Path) -> None:
     """A learner that trains without them flies by them as well as it can."""
 
     def hidden(training: str) -> float:
@@ -117,7 +117,7 @@ def test_metrics_count_every_flight(whole: Path) -> None:
         assert row["starts_solved"] == len(kept(whole, number)) / STARTS > row["starts_solved_first"]
 
 
-def test_a_round_that_was_cut_short_is_flown_anew_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:
+def test_a_round_cut_short_is_flown_anew_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:
     run = tmp_path / "run"
     shutil.copytree(whole, run)
     second = run / "rounds" / "002"

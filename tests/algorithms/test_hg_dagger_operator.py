@@ -50,7 +50,7 @@ def train(env: BatchEnvironment, folder: Path, operator: DriverOperator, gate=Hu
     settings.train(aerial_il.open_dataset(str(demos)), MLP(), run=folder / "run", **options)
 
 
-def test_a_round_killed_in_the_midst_keeps_its_flights_and_goes_on(env: BatchEnvironment, tmp_path: Path) -> None:
+def test_a_round_killed_halfway_keeps_its_flights(env: BatchEnvironment, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         train(env, tmp_path, Killed(judgement=HASTY))
     (kept,) = (tmp_path / "run" / "rounds" / "001").glob("*/*/*.mcap")

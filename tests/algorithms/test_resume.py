@@ -233,7 +233,7 @@ def test_a_full_disk_stops_the_run_and_spares_what_was_saved(tmp_path: Path, who
     assert_same_end(run, whole)
 
 
-def test_a_loss_that_is_not_finite_stops_with_its_step_and_spoils_no_checkpoint(
+def test_a_loss_that_is_not_finite_spoils_no_checkpoint(
     tmp_path: Path, demos: list[Episode], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from aerial_il.policies.mlp import MLPNetwork

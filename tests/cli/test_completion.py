@@ -31,12 +31,12 @@ def test_candidates(line: list[str], offered: list[str]) -> None:
     assert completion.candidates(line) == offered
 
 
-def test_every_command_is_offered_first_and_a_given_key_is_not_offered_twice() -> None:
+def test_commands_are_offered_first_and_keys_once() -> None:
     assert set(commands.names()) <= set(completion.candidates(["aerial-il", "''"]))
     assert "seed=" not in completion.candidates(["aerial-il", "train", "seed=1", "''"])
 
 
-def test_only_tasks_that_the_robot_can_do_are_offered_and_the_other_way_round() -> None:
+def test_only_tasks_that_the_robot_can_do_are_offered() -> None:
     offered = completion.candidates(["aerial-il", "collect", "robot=quad", "task="])
     assert offered == [f"task={task}" for robot, task in aerial_il.list_cells() if robot == "quad"]
     offered = completion.candidates(["aerial-il", "teleop", "task=hover", "robot="])

@@ -12,7 +12,7 @@ from tests.cli.hostile_values import VALUES, Case, answered, cases, every, typed
 SHARE, MORE = 601, 17  # one case of so many: by default, and among the slow tests
 
 
-def test_commands_and_values_are_spread_over_the_share_that_is_tried() -> None:
+def test_the_share_has_all_commands_and_values() -> None:
     assert {name for name, _, _ in cases()} == set(commands.names())
     assert len({name for name, _, _ in every(SHARE)}) > len(commands.names()) / 2
     assert {value for _, _, value in every(MORE)} == set(VALUES)

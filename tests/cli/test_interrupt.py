@@ -82,7 +82,7 @@ def test_ctrl_c_is_answered(case: str, home: Path, tmp_path: Path) -> None:
     typed, sign = CASES[case]
     words = [word.replace("OUT", str(tmp_path)) for word in typed]
     said: list[str] = []
-    begun = threading.Event()
+    started = threading.Event()
     process = subprocess.Popen(
         [sys.executable, "-u", "-m", "aerial_il", *words], cwd=home, text=True, stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -93,12 +93,12 @@ def test_ctrl_c_is_answered(case: str, home: Path, tmp_path: Path) -> None:
         while text := os.read(process.stdout.fileno(), 4096).decode(errors="replace"):
             said.append(text)
             if sign in "".join(said):
-                begun.set()
+                started.set()
 
     listener = threading.Thread(target=listen, daemon=True)
     listener.start()
     if sign:
-        assert begun.wait(90) or process.poll() is not None, "".join(said)
+        assert started.wait(90) or process.poll() is not None, "".join(said)
         time.sleep(1.0)
     else:
         time.sleep(6.0)

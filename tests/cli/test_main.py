@@ -84,7 +84,7 @@ def test_a_mistake_is_answered_in_one_paragraph_with_status_2(
     _check_answer(capfd.readouterr().err, said, tmp_path)
 
 
-def test_a_library_that_names_the_path_in_its_message_alone_is_quoted(
+def test_a_path_that_a_library_names_in_its_message_is_quoted(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def open_it(_: list[str]) -> int:
@@ -131,7 +131,7 @@ def test_running_leaves_nothing_in_the_working_folder(tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
+def test_a_failed_job_fails_the_sweep_after_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -149,7 +149,7 @@ def test_a_failed_job_of_a_sweep_does_not_stop_the_others_and_fails_the_sweep(
         (OSError(errno.EACCES, "Permission denied", "demo.mcap"), main.FAILED, "a place that you may use"),
     ],
 )
-def test_what_ends_a_command_decides_its_status_and_the_next_step(
+def test_what_ends_a_command_decides_status_and_next_step(
     raised: BaseException,
     status: int,
     next_step: str,
@@ -199,7 +199,7 @@ def test_the_reference_names_every_command_and_every_key() -> None:
         assert f"## aerial-il {name}" in page
 
 
-def test_a_back_end_that_mujoco_refuses_is_answered_before_it_is_asked(
+def test_a_back_end_that_mujoco_refuses_is_answered(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("MUJOCO_GL", "bogus")

@@ -75,7 +75,7 @@ def test_a_policy_of_an_older_tier_is_told_when_it_is_judged(capsys: pytest.Capt
     assert json.loads(Path("today/evaluation.json").read_text())["provenance"]["engine"] == ENGINE
 
 
-def test_results_of_different_meaning_are_not_compared_in_silence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_results_of_other_meaning_are_compared_with_a_warning(capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*EVALUATE, "out=new"]) == 0
     capsys.readouterr()
     assert main(["compare", "judged", "new"]) == 0
@@ -106,9 +106,7 @@ def test_what_is_made_today_is_of_today(capsys: pytest.CaptureFixture[str]) -> N
     assert {engine_of(episode.provenance) for episode in open_dataset("derived")} == {ENGINE}
 
 
-def test_a_policy_of_older_observations_is_refused_by_the_fields_that_differ(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_policy_of_older_fields_is_refused_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     saved = checkpoint.load(Path("run/policy"))
     config = json.loads(json.dumps(saved.config))
     next(f for f in config["spec"]["observation"]["fields"] if f["name"] == "base_vel")["name"] = "base_vel_body"
@@ -118,7 +116,7 @@ def test_a_policy_of_older_observations_is_refused_by_the_fields_that_differ(
     assert not Path("no").exists()
 
 
-def test_a_policy_of_observations_of_another_shape_is_refused_by_their_shapes() -> None:
+def test_a_policy_of_other_shapes_is_refused_by_them() -> None:
     policy = load_policy("run")
     fields = tuple(
         replace(f, shape=(4,), labels=()) if f.name == "base_vel" else f for f in policy.spec.observation.fields

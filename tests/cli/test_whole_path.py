@@ -96,7 +96,7 @@ def sweep(home: Path) -> Path:
     return home / "sweep"
 
 
-def test_rollouts_are_flown_while_it_learns_on_seeds_that_do_not_judge(sweep: Path) -> None:
+def test_rollouts_on_the_way_take_seeds_that_do_not_judge(sweep: Path) -> None:
     rows = [json.loads(line) for line in (sweep / "seed=0" / "metrics.jsonl").read_text().splitlines()]
     flown = [row for row in rows if "evaluate/success" in row]
     assert [row["step"] for row in flown] == [2, 4]

@@ -42,7 +42,7 @@ def test_a_wrong_name_of_a_sweep_is_answered_before_it_begins() -> None:
         prepare(TRAIN, ["-m", "policy=mlp,mpl"])
 
 
-def test_a_wrong_key_inside_a_group_lists_the_keys_of_that_group_only() -> None:
+def test_a_wrong_key_of_a_group_lists_that_group_only() -> None:
     with pytest.raises(UnknownNameError) as caught:
         prepare(TRAIN, ["policy.nonsense=1"])
     assert caught.value.choices

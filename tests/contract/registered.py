@@ -12,6 +12,7 @@ import aerial_il
 from aerial_il import robots
 from aerial_il.control.actions import levels_of
 from aerial_il.core.specs import ActionSpec
+from aerial_il.experts.expert import Expert
 from aerial_il.suite import tiers
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.environment import AerialEnvironment
@@ -93,6 +94,15 @@ def hold_actions(worlds: BatchEnvironment) -> np.ndarray:
     """``ee_pose`` actions (n, Da) that command the present pose of the tool, gripper open if there is one."""
     obs, size = worlds.observe(), worlds.spec.action.size
     return np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((len(obs["ee_pos"]), 1))], axis=1)[:, :size]
+
+
+def fly_until_solved(worlds: BatchEnvironment, expert: Expert, watch: Callable[[], object] = bool) -> np.ndarray:
+    """Let the expert fly to success or to the time limit, ``watch`` after each step; return who has solved it, (n,)."""
+    solved = np.zeros(worlds.num_envs, bool)
+    while not solved.all() and worlds.simulation.steps.max() < worlds.spec.max_steps:
+        solved |= worlds.step(expert.act({}), ~solved).info["success"]
+        watch()
+    return solved
 
 
 def random_actions(spec: ActionSpec, steps: int, num_envs: int, seed: int = 0) -> np.ndarray:

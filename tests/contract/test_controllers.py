@@ -7,20 +7,19 @@ import pytest
 
 from aerial_il import robots
 from aerial_il.control import controller_state as layout
-from aerial_il.control import controllers
 from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import record_of
 from aerial_il.core import registry
 from tests.control.in_the_air import Flight
 
-each_law = pytest.mark.parametrize("law", controllers.names())
+each_law = pytest.mark.parametrize("law", registry.names("controller"))
 each_robot = pytest.mark.parametrize("robot", ["ua_quad_arm4", "fa_hexa_arm4"])
 
 
 @each_law
 def test_it_says_what_it_is(law: str) -> None:
-    assert len(controllers.get(law).summary.split()) >= 3
-    assert all(np.isfinite(gain) for gain in controllers.get(law)().gains)
+    assert len(registry.get("controller", law).summary.split()) >= 3
+    assert all(np.isfinite(gain) for gain in registry.get("controller", law)().gains)
 
 
 @each_law
@@ -38,7 +37,7 @@ def test_it_brings_the_base_to_its_reference_and_holds_it(law: str, robot: str) 
 @each_robot
 def test_its_kernel_keeps_to_its_own_memory(law: str, robot: str) -> None:
     vehicle = robots.get(robot).vehicle
-    found, settings = [], controllers.get(law)()
+    found, settings = [], registry.get("controller", law)()
     own = settings.record(vehicle).view(np.recarray)[0]
     compiled = registry.kernel("controller", law, "steer")
     for steer in (compiled.py_func, compiled):

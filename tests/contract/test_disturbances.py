@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from aerial_il import robots
+from aerial_il.core import registry
 from aerial_il.suite import disturbances, tiers
 from aerial_il.suite.disturbances.disturbance import Disturbance, Start
 from aerial_il.suite.physics import episode_state as layout
@@ -18,7 +19,7 @@ from tests.contract.registered import batch, random_actions, single
 
 ROBOT, TASK, SEEDS = "ua_quad_arm4", "pick_place", np.array([3, 4, 5])
 STEPS, MARGIN, UNTOUCHED = 50, 16, 123.25
-each_disturbance = pytest.mark.parametrize("name", disturbances.names())
+each_disturbance = pytest.mark.parametrize("name", registry.names("disturbance"))
 
 
 def tier_with(name: str) -> str:
@@ -116,9 +117,9 @@ def test_what_is_drawn_is_recorded(name: str) -> None:
     worlds = batch(ROBOT, TASK, tier_with(name), "velocity")
     drawn = [json.loads(json.dumps(worlds.drawn(seed))) for seed in (3, 3, 4)]
     assert drawn[0] == drawn[1]
-    told = json.loads(json.dumps(worlds.spec.disturbances))[name]
-    assert told.get("memory", 0) == tiers.standard(name).memory
+    recorded = json.loads(json.dumps(worlds.spec.disturbances))[name]
+    assert recorded.get("memory", 0) == tiers.standard(name).memory
 
 
 def test_calm_has_noise_alone() -> None:
-    assert [name for name in disturbances.names() if "calm" in disturbances.strengths(name)] == ["noise"]
+    assert [name for name in registry.names("disturbance") if "calm" in disturbances.strengths(name)] == ["noise"]

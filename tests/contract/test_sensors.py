@@ -11,13 +11,13 @@ from aerial_il import robots
 from aerial_il.core import registry
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.robots.robot import Robot
-from aerial_il.suite import sensors, tasks
+from aerial_il.suite import tasks
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.scenario import Scenario
 from tests.contract.registered import CELLS, SAMPLE, batch
 
 MARGIN, UNTOUCHED = 16, 123.25
-each_sensor = pytest.mark.parametrize("name", sensors.names())
+each_sensor = pytest.mark.parametrize("name", registry.names("sensor"))
 
 
 def carrier(name: str) -> Robot:
@@ -47,7 +47,7 @@ def check_documented(field: Field) -> None:
 @each_sensor
 def test_its_fields_are_documented(name: str) -> None:
     robot = carrier(name)
-    fields = sensors.get(name)(**robot.sensors[name]).fields(robot)
+    fields = registry.get("sensor", name)(**robot.sensors[name]).fields(robot)
     assert fields or name in ("gripper", "arm", "base")
     for field in fields:
         assert field.group == "proprio"
@@ -58,7 +58,7 @@ def test_its_fields_are_documented(name: str) -> None:
 @each_sensor
 def test_it_writes_its_fields_and_nothing_else(name: str) -> None:
     robot, worlds = carrier(name), worlds_with(name)
-    sensor, view = sensors.get(name)(**robot.sensors[name]), worlds.simulation.view
+    sensor, view = registry.get("sensor", name)(**robot.sensors[name]), worlds.simulation.view
     size = sum(field.size for field in sensor.fields(robot))
     if not size:
         return
@@ -82,9 +82,10 @@ def test_it_writes_its_fields_and_nothing_else(name: str) -> None:
 def test_what_it_reads_is_what_is_observed(name: str) -> None:
     worlds, robot = worlds_with(name), carrier(name)
     once, again = worlds.observe(), worlds.observe()
-    for field in sensors.get(name)(**robot.sensors[name]).fields(robot):
+    for field in registry.get("sensor", name)(**robot.sensors[name]).fields(robot):
         assert once[field.name].shape == (3, *field.shape)
-        np.testing.assert_array_equal(once[field.name], again[field.name])
+    for field, value in once.items():
+        np.testing.assert_array_equal(value, again[field], err_msg="a look changes nothing")
 
 
 @pytest.mark.parametrize("task", tasks.names())
@@ -93,6 +94,8 @@ def test_the_fields_of_a_task_are_documented(task: str) -> None:
     for field in found.fields():
         check_documented(field)
     assert {f.name for f in found.fields() if not f.real} == {name for name, _ in found.privileged}
+    assert all(len(reason.split()) >= 3 for _, reason in found.privileged)
+    assert set(found.commanded) <= {*found.names.sites, *found.names.mocaps}
 
 
 @pytest.mark.parametrize(("robot", "task"), SAMPLE)

@@ -46,7 +46,7 @@ def test_success_is_what_the_instruction_says_at_length(task: str) -> None:
     check(task, judged, AT_LENGTH)
 
 
-def test_a_judge_who_overlooks_the_floor_is_found_out() -> None:
+def test_a_judge_who_overlooks_the_floor_is_noticed() -> None:
     def lenient(env: BatchEnvironment) -> np.ndarray:
         cube = env.simulation.view.site_pos("cube")
         beside = np.hypot(*(cube - env.simulation.view.site_pos("bowl"))[:, :2].T)
@@ -56,7 +56,7 @@ def test_a_judge_who_overlooks_the_floor_is_found_out() -> None:
         check("pick_place", lenient)
 
 
-def test_a_task_without_a_rule_is_told_what_to_write() -> None:
+def test_a_task_without_a_rule_is_refused_with_what_to_write() -> None:
     with pytest.raises(AssertionError, match="juggle has no rule here"):
         check("juggle", judged)
 
@@ -169,6 +169,11 @@ class Stage:
             self.qpos[row, 3:7] = quat
         self.move(rows, "tool", pos)
 
+    def turn(self, rows: np.ndarray, mats: np.ndarray) -> None:
+        """Give the base attitudes (k, 3, 3)."""
+        for row, wanted in zip(rows, mats, strict=True):
+            mujoco.mju_mat2Quat(self.qpos[row, 3:7], wanted.ravel())
+
     def where(self, rows: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (k, 3) and attitude (k, 3, 3) of a body as the states stand."""
         self.worlds.forward()
@@ -259,12 +264,15 @@ def attitudes(rng: np.random.Generator, k: int) -> np.ndarray:
 def turned(rng: np.random.Generator, k: int, low_deg: float, high_deg: float) -> np.ndarray:
     """(k, 3, 3) rotations about random axes."""
     axes, angles = ball(rng, k, 1.0, 1.0), np.deg2rad(rng.uniform(low_deg, high_deg, k))
-    mats = np.empty((k, 9))
-    for i in range(k):
-        quat = np.empty(4)
-        mujoco.mju_axisAngle2Quat(quat, axes[i], angles[i])
-        mujoco.mju_quat2Mat(mats[i], quat)
-    return mats.reshape(k, 3, 3)
+    return np.array([about(axis, angle) for axis, angle in zip(axes, angles, strict=True)]).reshape(k, 3, 3)
+
+
+def about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """(3, 3) rotation about an axis (3,) of any length by ``angle`` rad."""
+    quat, mat = np.empty(4), np.empty(9)
+    mujoco.mju_axisAngle2Quat(quat, axis / np.linalg.norm(axis), angle)
+    mujoco.mju_quat2Mat(mat, quat)
+    return mat.reshape(3, 3)
 
 
 def angle_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -556,7 +564,7 @@ def probe(
         in_plane, out = disc(rng, k, *off), mat[:, :, 2]
         square = np.stack([-out, mat[:, :, 1], np.cross(-out, mat[:, :, 1])], axis=2)
         lean = np.deg2rad(rng.uniform(*tilt, k))
-        turn = np.array([_about(np.cross(o, a), x) for o, a, x in zip(out, ball(rng, k, 1.0, 1.0), lean, strict=True)])
+        turn = np.array([about(np.cross(o, a), x) for o, a, x in zip(out, ball(rng, k, 1.0, 1.0), lean, strict=True)])
         tool = np.einsum("nij,njk->nik", turn, square)
         tip = plate + 0.004 * out + np.einsum("nij,nj->ni", mat, in_plane)
         stage.pose(rows, tip - 0.2 * grip.finger_length * tool[:, :, 0], tool)
@@ -570,13 +578,6 @@ def probe(
         stage.task_state[rows, 3] = touched
 
     return place
-
-
-def _about(axis: np.ndarray, angle: float) -> np.ndarray:
-    quat, mat = np.empty(4), np.empty(9)
-    mujoco.mju_axisAngle2Quat(quat, axis / np.linalg.norm(axis), angle)
-    mujoco.mju_quat2Mat(mat, quat)
-    return mat.reshape(3, 3)
 
 
 PROBE = {
@@ -645,8 +646,7 @@ def base_off(off: tuple[float, float], tilt: tuple[float, float]) -> Scatter:
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         pos, mat = stage.where(rows, "target")
-        for row, wanted in zip(rows, np.einsum("nij,njk->nik", turned(rng, rows.size, *tilt), mat), strict=True):
-            mujoco.mju_mat2Quat(stage.qpos[row, 3:7], wanted.ravel())
+        stage.turn(rows, np.einsum("nij,njk->nik", turned(rng, rows.size, *tilt), mat))
         stage.qpos[rows, :3] = pos + ball(rng, rows.size, *off)
 
     return place
@@ -721,8 +721,7 @@ LAP = {
 def standing_under(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
     """On the skids, straight below the mark and facing along the arrow."""
     pos, mat = stage.where(rows, "target")
-    for row, wanted in zip(rows, mat, strict=True):
-        mujoco.mju_mat2Quat(stage.qpos[row, 3:7], wanted.ravel())
+    stage.turn(rows, mat)
     stage.qpos[rows, :3] = np.column_stack([pos[:, :2], rng.uniform(STAND_M - 0.001, STAND_M + 0.3, rows.size)])
 
 
@@ -758,8 +757,7 @@ def put_down(
         k = rows.size
         pad, _ = stage.where(rows, "pad")
         stage.qpos[rows, :3] = pad + disc(rng, k, *off) + up(np.full(k, STAND_M + height))
-        for row, mat in zip(rows, turned(rng, k, *tilt), strict=True):
-            mujoco.mju_mat2Quat(stage.qpos[row, 3:7], mat.ravel())
+        stage.turn(rows, turned(rng, k, *tilt))
         stage.qvel[rows, :6] = 0.0
         stage.qvel[rows, :3] = ball(rng, k, *speed)
         force = layout.FORCES.start + 2

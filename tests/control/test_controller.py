@@ -18,7 +18,7 @@ each_armed = pytest.mark.parametrize("robot", ARMED)
 
 
 @each_robot
-def test_the_tool_settles_where_it_is_told(robot: str) -> None:
+def test_the_tool_settles_where_it_is_sent(robot: str) -> None:
     flight = Flight(robot)
     action = flight.pose((0.4, -0.3, 0.2))
     flight.fly(action, 4.0)

@@ -12,11 +12,11 @@ from aerial_il.control.dynamics import (
     rotational_inertia,
     tool_jacobian,
     tool_pose,
-    tool_velocity,
 )
 from aerial_il.control.vehicle import Vehicle
 from aerial_il.core.rotations import mat_from_yaw
 from tests.control.nominal import VEHICLES, compile_nominal, each_vehicle, random_state
+from tests.robots.test_robots import compiled
 
 
 @each_vehicle
@@ -49,18 +49,6 @@ def test_the_jacobian_is_mujocos_and_that_of_finite_differences(vehicle: Vehicle
             turned.qpos[7 + column] -= 1e-6
         about_base = np.reshape(mat_from_yaw(1e-6), (3, 3)) @ (tool - state.pos) + state.pos
         np.testing.assert_allclose(jacobian[:3, 3], (about_base - tool) / 1e-6, atol=1e-5)
-
-
-@each_vehicle
-def test_the_tools_velocity_is_mujocos(vehicle: Vehicle) -> None:
-    model, rng = compile_nominal(vehicle), np.random.default_rng(2)
-    for _ in range(10):
-        state = random_state(model, vehicle, rng)
-        twist = np.empty(6)
-        mujoco.mj_objectVelocity(model, state.data, mujoco.mjtObj.mjOBJ_SITE, model.site("tool").id, twist, 0)
-        linear, omega = tool_velocity(vehicle.record, state.frames, state.pos, state.vel, state.omega, state.joint_vel)
-        np.testing.assert_allclose(linear, twist[3:], atol=1e-12)
-        np.testing.assert_allclose(omega, twist[:3], atol=1e-12)
 
 
 @each_vehicle
@@ -114,10 +102,7 @@ def test_rotational_inertia_is_the_block_of_mujocos_mass_matrix(vehicle: Vehicle
 def test_the_simulated_robots_are_close_to_their_nominal_models() -> None:
     """Fingers move in the simulator and are welded in the nominal model: equal mass, centre of mass within 2 mm."""
     for name, vehicle in VEHICLES.items():
-        spec = mujoco.MjSpec()
-        spec.compiler.degree = False
-        robots.get(name).add_to(spec)
-        model, nominal = spec.compile(), compile_nominal(vehicle)
+        model, nominal = compiled(robots.get(name)), compile_nominal(vehicle)
         data, reference = mujoco.MjData(model), mujoco.MjData(nominal)
         for posture in (vehicle.rest_down, vehicle.rest_forward):
             data.qpos[7 : 7 + len(posture)] = reference.qpos[7:] = posture

@@ -1,4 +1,4 @@
-"""The disturbance observer meets what is no wind: a payload that nobody told it of, tables and walls."""
+"""The disturbance observer meets what is no wind: an unknown payload, tables and walls."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_a_payload_of_a_tenth_of_the_weight_is_carried(robot: str, gripper: floa
 @each_robot
 @pytest.mark.parametrize("pitch_deg", [90.0, 45.0], ids=["table", "slanted wall"])
 def test_pressing_on_a_table_or_a_wall_stays_calm_and_bounded(robot: str, pitch_deg: float) -> None:
-    """Told to go 3 cm into it, the vehicle leans on it, holds still, and comes away as it came."""
+    """Sent 3 cm into it, the vehicle leans on it, holds still, and comes away as it came."""
     pitch, away = np.deg2rad(pitch_deg), robots.get(robot).gripper.finger_length + 0.05
     axis = np.array([np.cos(pitch), 0.0, -np.sin(pitch)])
     before = Flight(robot).tool + np.array([0.2 * np.cos(pitch), 0.0, 0.0])

@@ -69,7 +69,7 @@ def test_it_converges_to_any_pose(vehicle: Vehicle, x: float, y: float, z: float
 
 
 @each_vehicle
-def test_a_tool_pointing_backwards_leaves_the_joints_within_limits(vehicle: Vehicle) -> None:
+def test_a_tool_pointing_backwards_keeps_joint_limits(vehicle: Vehicle) -> None:
     solve(vehicle, np.array([0.0, 0.0, 1.0]), pitched(0.0, -2.5))
 
 

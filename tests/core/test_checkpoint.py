@@ -87,7 +87,7 @@ def test_latest_passes_over_damage_and_says_so(tmp_path: Path, caplog: pytest.Lo
         ckpt.latest(tmp_path)
 
 
-def test_checkpoints_of_another_version_are_not_only_to_be_deleted(tmp_path: Path) -> None:
+def test_checkpoints_of_another_version_may_be_kept(tmp_path: Path) -> None:
     folder = ckpt.save(ckpt.step_folder(tmp_path, 5), example(5))
     manifest = json.loads((folder / ckpt.MANIFEST).read_text())
     (folder / ckpt.MANIFEST).write_text(json.dumps({**manifest, "version": 99}))

@@ -13,11 +13,17 @@ import pytest
 
 from aerial_il.core import kernels, rotations
 
+stamp_of_all = kernels._kernel_sources  # what is stamped is seen nowhere else: numba keeps it beside its version
+
+
+def stamp(compiled: Any) -> str:
+    """What the cached code of a function is valid for."""
+    return compiled._cache._cache_file._version
+
 
 def test_the_cache_is_stamped_with_all_sources() -> None:
-    plain = numba.njit(cache=True)(lambda x: x)
-    assert plain._cache._cache_file._version == numba.__version__, "numba keeps its version where kernel() adds to it"
-    assert rotations.add._cache._cache_file._version == f"{numba.__version__} {kernels._kernel_sources()}"
+    assert stamp(numba.njit(cache=True)(lambda x: x)) == numba.__version__
+    assert stamp(rotations.add) == f"{numba.__version__} {stamp_of_all()}"
 
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -27,26 +33,26 @@ def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeyp
         path.parent.mkdir(exist_ok=True, parents=True)
         path.write_text("@kernel\n" if name == "core/rotations.py" else "x = 1\n")
     monkeypatch.setattr(kernels, "PACKAGE", tmp_path)
-    stamps = [kernels._kernel_sources.__wrapped__()]
+    stamps = [stamp_of_all.__wrapped__()]
     for name in (*counted, "core/errors.py"):
         with (tmp_path / name).open("a") as file:
             file.write("y = 2\n")
-        stamps.append(kernels._kernel_sources.__wrapped__())
+        stamps.append(stamp_of_all.__wrapped__())
     assert len(set(stamps[:5])) == 5
     assert stamps[5] == stamps[4], "a file without kernels costs no compilation"
 
 
-def test_the_stamp_counts_every_file_that_a_kernel_takes_a_name_from() -> None:
+def test_the_stamp_counts_every_file_that_kernels_use() -> None:
     package, stamped = kernels.PACKAGE, kernels._kernel_files()
-    found = 0
-    for room in ("core", "control", "suite", "experts"):
-        for path in (package / room).rglob("*.py"):
+    taken = 0
+    for layer in ("core", "control", "suite", "experts"):
+        for path in (package / layer).rglob("*.py"):
             used = _taken_by_kernels(path)
-            found += len(used)
+            taken += len(used)
             own = kernels.CALLED.get(path.parent.relative_to(package).as_posix(), ())
             missing = used - stamped - {file for folder in own for file in (package / folder).glob("*.py")}
             assert not missing, f"{path} compiles what these hold: {missing}"
-    assert found > 100
+    assert taken > 100
 
 
 def _taken_by_kernels(path: Path) -> set[Path]:
@@ -90,13 +96,13 @@ def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
         entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)
 
 
-def test_a_kernel_of_another_package_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:
+def test_a_kernel_elsewhere_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:
     (tmp_path / "one.py").write_text("def read(found):\n    found[0] = 1.0\n")
-    found: dict[str, Callable[..., Any]] = {}
-    exec(compile((tmp_path / "one.py").read_text(), str(tmp_path / "one.py"), "exec"), found)
+    defined: dict[str, Callable[..., Any]] = {}
+    exec(compile((tmp_path / "one.py").read_text(), str(tmp_path / "one.py"), "exec"), defined)
     stamps = []
     for text in ("HELP = 1\n", "HELP = 2\n"):
         (tmp_path / "beside.py").write_text(text)
         kernels._folder_sources.cache_clear()
-        stamps.append(kernels._sources_of(found["read"]))
+        stamps.append(stamp(kernels.kernel(defined["read"])))
     assert stamps[0] != stamps[1]

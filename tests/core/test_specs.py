@@ -12,7 +12,7 @@ def spec_of(robot: str, task: str) -> EnvSpec:
     return env.spec
 
 
-def test_robot_and_task_come_first_and_a_field_that_is_lacked_is_named_once() -> None:
+def test_robot_and_task_come_first_missing_fields_once() -> None:
     mine, theirs = spec_of("fa_hexa_arm4", "pick_place"), spec_of("big_four_z1", "insert_peg")
     differing = mine.differences(theirs)
     assert differing[:2] == ["robot: 'fa_hexa_arm4' != 'big_four_z1'", "task: 'pick_place' != 'insert_peg'"]

@@ -9,7 +9,7 @@ from aerial_il.core.tensors import tensor
 
 
 @pytest.mark.parametrize("offset", [0, 4, 16, 52])
-def test_a_tensor_begins_at_a_cache_line_wherever_the_array_began(offset: int) -> None:
+def test_a_tensor_begins_at_a_cache_line(offset: int) -> None:
     memory = np.zeros(400, np.uint8)
     start = -memory.ctypes.data % 64 + offset
     array = memory[start : start + 240].view(np.float32).reshape(15, 4)

@@ -129,7 +129,7 @@ def test_only_what_the_person_took_over_is_relabelled(flight: Episode) -> None:
     np.testing.assert_array_equal(found.labels[~found.asked], found.executed_actions[~found.asked])
 
 
-def test_what_leads_only_to_where_the_person_let_go_is_not_learned_from(flight: Episode) -> None:
+def test_what_leads_to_where_the_person_let_go_is_left_out(flight: Episode) -> None:
     held, nearest = np.zeros(len(flight), bool), round(0.5 * AHEAD.lookahead_s / DT)
     held[: grips(flight)[0] - MARGIN - 20] = True
     labels = np.where(held[:, None], flight.actions, np.nan)
@@ -142,7 +142,7 @@ def test_what_leads_only_to_where_the_person_let_go_is_not_learned_from(flight: 
     assert whole.asked.all(), "the end of a flight is a goal"
 
 
-def test_what_a_script_flew_is_learned_from_bit_for_bit_as_before(scripted: Episode, flight: Episode) -> None:
+def test_what_a_script_flew_is_learned_from_as_recorded(scripted: Episode, flight: Episode) -> None:
     assert AHEAD.apply(scripted) is scripted
     assert BC.waypoints.apply(flight) is flight
     assert len(replace(BC.waypoints, lookahead_s=2.0, flown_by="anyone").apply(scripted)) < len(scripted)

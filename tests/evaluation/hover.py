@@ -1,6 +1,6 @@
 """A small real-MuJoCo batch environment with the suite's interface: a carriage that servoes to a goal in the air.
 
-It exists so that the evaluation room is tested in milliseconds and for outcomes a real task seldom shows on demand:
+It exists so that evaluation is tested in milliseconds and for outcomes a real task seldom shows on demand:
 goals may be out of reach (time-out), and flying below the floor's margin is a crash.
 """
 

@@ -85,10 +85,7 @@ def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
     actions = np.stack([time_s**3, 2 * time_s**3, time_s**2, np.sin(0 * time_s)], axis=1)
     jerk = action_jerk_rms(actions, ("m", "m", "", "m/s"), DT_S)
     assert jerk == pytest.approx({"m/s^3": np.sqrt((6**2 + 12**2) / 2), "1/s^3": 0.0, "m/s^4": 0.0}, abs=1e-6)
-
-
-def test_jerk_needs_four_steps() -> None:
-    assert action_jerk_rms(np.zeros((3, 1)), ("m",), DT_S) == {}
+    assert action_jerk_rms(actions[:3], ("m", "m", "", "m/s"), DT_S) == {}, "it needs four steps"
 
 
 def test_spread_ignores_what_is_missing_and_repeats() -> None:
@@ -127,14 +124,13 @@ def test_rate_of_a_ramp_is_its_slope() -> None:
 
 def test_shaking_is_fast_and_a_manoeuvre_is_not() -> None:
     low, high, time_s = np.array([-1.0]), np.array([1.0]), np.arange(200) * 0.02
-    shares = [action_fast_share(low, high, np.sin(2 * np.pi * hz * time_s)[:, None], 0.02) for hz in (1.0, 12.0)]
-    assert shares[0] is not None
-    assert shares[1] is not None
-    assert shares[0] < 0.05
-    assert shares[1] > 0.95
+    slow, fast = (action_fast_share(low, high, np.sin(2 * np.pi * hz * time_s)[:, None], 0.02) for hz in (1.0, 12.0))
+    assert slow is not None
+    assert fast is not None
+    assert slow < 0.05 < 0.95 < fast
 
 
-def test_what_cannot_be_told_of_frequencies_is_none() -> None:
+def test_without_a_spectrum_there_is_no_fast_share() -> None:
     low, high, still = np.array([-1.0]), np.array([1.0]), np.zeros((200, 1))
     assert action_fast_share(low, high, still, 0.02) == 0.0
     assert action_fast_share(low, high, still[:10], 0.02) is None, "too short"

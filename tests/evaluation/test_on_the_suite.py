@@ -1,4 +1,4 @@
-"""The room on the real suite: experts, gusts, films."""
+"""Evaluation on the real suite: experts, gusts, films."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_flight_is_filmed_as_it_was_judged(tmp_path: Path) -> None:
     seed = result.seeds[1]  # flown in world 1, flown again in world 0
     actions = result.flights[seed].actions
     assert actions is not None
-    won = [bool(info["success"][0]) for info in video._fly_again(env, seed, actions)]
+    won = [bool(info["success"][0]) for info in video.fly_again(env, seed, actions)]
     assert won == [False] * (len(actions) - 1) + [True]
     (clip,) = video.film(env, result, tmp_path, successes=1, failures=0).clips
     env.close()

@@ -69,7 +69,7 @@ class Dicing(GoThere):
         return actions
 
 
-def test_what_rolls_dice_is_told_the_seeds_and_flies_alike_however_many_fly_beside_it() -> None:
+def test_a_policy_with_dice_flies_alike_in_any_batch() -> None:
     alone, together = fly(1, policy=Dicing()), fly(7, policy=Dicing())
     assert [(e.seed, e.success, e.steps) for e in alone.episodes] == [
         (e.seed, e.success, e.steps) for e in together.episodes
@@ -109,7 +109,7 @@ def test_a_trained_policy_is_known_by_its_digest() -> None:
     assert fly(1, [100]).provenance["policy_sha256"] is None
 
 
-def test_a_policy_that_refuses_what_it_sees_is_told_with_seed_and_step() -> None:
+def test_a_policy_that_refuses_its_input_names_seed_and_step() -> None:
     policy = GoThere()
     original = policy.act
 

@@ -11,7 +11,6 @@ Source: S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement Lear
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -19,22 +18,18 @@ from torch import Tensor
 
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
-from aerial_il.algorithms.off_policy.problems import check_warmup, from_demonstrations
+from aerial_il.algorithms.off_policy.problems import from_demonstrations
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.checks import require_not_negative, require_share
 from aerial_il.algorithms.td3 import TwinDelayedAgent
-from aerial_il.core.contracts import BatchEnv
-from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -43,10 +38,7 @@ class TD3BC(Algorithm):
     """TD3 with behavioural cloning (Fujimoto and Gu 2021).
 
     Attributes:
-        offline_steps: gradient steps on the dataset before the first flight.
-        demos_share: share of the dataset in each minibatch once it flies.
         alpha: weight of the value beside the distance from the actions that were taken.
-        noise, noise_correlation, target_noise, noise_clip: as in ``td3``.
     """
 
     name: ClassVar[str] = "td3_bc"
@@ -78,16 +70,8 @@ class TD3BC(Algorithm):
     cadence: Cadence = Cadence(log_every=5_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        require_share(self, "demos_share")
-        require_share(self, "noise_correlation", below_one=True)
-        require_not_negative(self, "offline_steps", "noise", "target_noise", "noise_clip")
-
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
-        if not self.offline_steps:
-            check_warmup(self, env)
-        return from_demonstrations(self, dataset, policy, env, seed)
+    def problem(self, given: Given) -> Problem:
+        return from_demonstrations(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = CloningAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
@@ -97,7 +81,7 @@ class TD3BC(Algorithm):
 class CloningAgent(TwinDelayedAgent):
     """The agent of ``td3``, whose actor is held near the actions of the minibatch."""
 
-    settings: TD3BC
+    settings: TD3BC  # type: ignore[assignment]
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return ``-lambda mean Q1(s, mu(s)) + mean |mu(s) - a|^2 / Da``, plus the smoothness loss."""

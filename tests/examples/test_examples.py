@@ -10,8 +10,9 @@ import pytest
 
 import aerial_il
 from aerial_il import robots
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite import disturbances, tiers
+from aerial_il.suite import tiers
 from tests.contract import test_cameras, test_disturbances, test_sensors
 from tests.contract.registered import batch, single
 from tests.examples import plugged_in
@@ -42,7 +43,7 @@ def added(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 def test_a_squall_keeps_the_contract() -> None:
-    assert "squall" in disturbances.names()
+    assert "squall" in registry.names("disturbance")
     assert tiers.get("calm+squall").name == "calm+squall"
     test_disturbances.test_settings_are_plain_frozen_and_explained("squall")
     test_disturbances.test_it_does_something("squall")

@@ -10,10 +10,13 @@ from pathlib import Path
 import pytest
 
 import aerial_il
+from aerial_il.collection.collect import collect
 from aerial_il.core import registry
+from aerial_il.data.dataset import open_dataset
 from aerial_il.workflows.new import New, new
-from tests.contract import test_controllers, test_disturbances, test_sensors
+from tests.contract import test_controllers, test_disturbances, test_formats, test_sensors
 from tests.contract.registered import batch, single
+from tests.data.crane import CraneBatch, CraneExpert
 from tests.examples import plugged_in
 
 CARRIER = """from dataclasses import replace
@@ -61,6 +64,19 @@ def test_a_controller(robot: str, tmp_path: Path) -> None:
         test_controllers.test_it_brings_the_base_to_its_reference_and_holds_it("integrating", robot)
         test_controllers.test_its_kernel_keeps_to_its_own_memory("integrating", robot)
         assert aerial_il.load(robot, "reach", controller="integrating").spec.controller == "integrating"
+
+
+def test_a_format(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with written("format", "flight_json", tmp_path):
+        monkeypatch.setattr(test_formats, "NAMES", registry.names("format"))
+        episodes = list(open_dataset(collect(CraneBatch(2), CraneExpert(), range(3), tmp_path / "demos").folder.path))
+        sample = test_formats.sample("flight_json", episodes, tmp_path)
+        test_formats.test_it_defines_what_a_format_must("flight_json")
+        test_formats.test_it_recognises_its_own_and_no_other_does("flight_json", {"flight_json": sample})
+        test_formats.assert_equal(sample, episodes)
+        for damage in ("cut", "garbage"):
+            (tmp_path / damage).mkdir()
+            test_formats.assert_damage_is_told(sample, damage, 0.3, tmp_path / damage)
 
 
 def test_a_kernel_that_writes_beyond_its_memory_is_caught(tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
     assert again.wall_time_s == report.wall_time_s
 
     wider = {**SMALL["policies"], "wide": MLP(hidden=(8,))}
-    more = {**SMALL, "policies": wider, "algorithms": dict.fromkeys(wider, SMALL["algorithms"]["mlp"])}
+    more = {**SMALL, "methods": (), "policies": wider, "algorithms": dict.fromkeys(wider, SMALL["algorithms"]["mlp"])}
     added = Imitation(**more).run(tmp_path, progress=False)
     assert added.tables["Each task"][0] == row
     assert len(added.tables["Each task"]) == 2

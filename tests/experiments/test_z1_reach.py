@@ -88,10 +88,11 @@ def test_holding_is_of_the_arm_alone() -> None:
 
 @pytest.mark.slow
 def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
-    short = {"steps": 160, "warmup": 80, "evaluate_every": 80, "critic_hidden": (8,), "batch_size": 8}
+    short = {"steps": 160, "warmup": 80, "replay": {"batch_size": 8}, "critics": {"hidden": (8,)}}
+    short |= {"cadence": {"evaluate_every": 80}}
     study = Z1Reach(
         policy=SquashedGaussian(hidden=(8,)),
-        sac=SAC(**short),
+        sac=build(SAC, short),
         algorithms=("sac",),
         actions=("velocity",),
         rewards=("sparse",),

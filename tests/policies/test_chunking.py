@@ -34,7 +34,7 @@ def test_history_repeats_the_first_observation_of_an_episode(length: int) -> Non
 
 @pytest.mark.parametrize("execute", [1, 2, 6])
 @pytest.mark.parametrize("coefficient", [0.01, 0.5, -0.3, None])
-def test_plan_is_the_weighted_mean_of_all_chunks_that_reach_the_step(execute: int, coefficient: float | None) -> None:
+def test_a_plan_is_the_weighted_mean_of_chunks_for_the_step(execute: int, coefficient: float | None) -> None:
     rng = np.random.default_rng(execute)
     resets, chunks = some_resets(rng), rng.normal(size=(STEPS, N, TA, DA)).astype(np.float32)
     plan = ActionPlan(TA, execute, coefficient)

@@ -55,7 +55,7 @@ def test_a_standard_scale_is_saved_as_it_was_before() -> None:
     assert ARRAY not in policy_of("standard").to_checkpoint().arrays
 
 
-def test_of_an_earlier_policy_what_fills_the_bounds_is_taken_to_have_varied(tmp_path: Path) -> None:
+def test_what_fills_the_bounds_is_taken_to_have_varied(tmp_path: Path) -> None:
     saved = policy_of("minmax").to_checkpoint()
     arrays = {name: array for name, array in saved.arrays.items() if name != ARRAY}
     checkpoint.save(tmp_path / "old", replace(saved, arrays=arrays))

@@ -62,7 +62,7 @@ def test_samples_are_spread_as_the_data(predict: str, sampler: str) -> None:
     torch.testing.assert_close(flown.std(0), torch.full((CHUNK * 2,), 0.5), atol=0.05, rtol=0)
 
 
-def test_two_ways_beside_what_is_seen_are_flown_and_nothing_between() -> None:
+def test_either_of_two_ways_is_flown_and_nothing_between() -> None:
     torch.manual_seed(0)
     network, ways = Diffusion(chunk=CHUNK, width=128).build(2, 2), TwoWays()
     ways.teach(network, steps=500)

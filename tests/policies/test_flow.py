@@ -8,7 +8,6 @@ import pytest
 import torch
 from torch import Tensor, nn
 
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.flow import Flow
 from tests.policies.two_ways import CHUNK, TwoWays
 
@@ -67,8 +66,3 @@ def test_what_is_learned_is_what_flying_takes_it_for(predict: str) -> None:
     near, way = ways.nearest(flown, obs)
     assert (near < 0.2).float().mean() > 0.85, "at a way, and not at the centre between them"
     assert 0.3 < way.float().mean() < 0.7, "both are flown"
-
-
-def test_an_unknown_target_is_named_with_the_valid_ones() -> None:
-    with pytest.raises(InvalidValueError, match=r"predict .noise.*sample, velocity"):
-        Flow(predict="noise")  # type: ignore[arg-type]

@@ -69,7 +69,7 @@ def test_it_acts_as_lerobot_lets_it_act(tmp_path: Path, settings: dict[str, Any]
         obs = env.step(actions).obs
 
 
-def test_a_world_that_is_reset_starts_a_new_chunk_and_leaves_the_others(folder: Path) -> None:
+def test_a_reset_world_starts_a_new_chunk_by_itself(folder: Path) -> None:
     together, alone, env = load_any_policy(folder), load_any_policy(folder), PointMassBatch(2)
     together.attach(env)
     alone.attach(env)

@@ -21,7 +21,7 @@ def test_denormalising_undoes_normalising(seed: int, scaling: Scaling, spread: f
     )
 
 
-def test_standard_has_unit_deviation_and_minmax_fills_the_interval() -> None:
+def test_standard_has_deviation_one_and_minmax_fills_the_range() -> None:
     data = np.random.default_rng(0).uniform(-3, 5, size=(2000, 3)) * [1, 10, 0.1]
     standard = Normaliser.fit(data).normalise(data)
     np.testing.assert_allclose(standard.mean(0), 0, atol=1e-4)

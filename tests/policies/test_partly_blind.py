@@ -30,7 +30,7 @@ def test_with_nothing_hidden_it_flies_as_the_policy_does() -> None:
     np.testing.assert_array_equal(flown(most=0.0, hold=5.0, seeds=np.array([7])), plain)
 
 
-def test_what_is_hidden_depends_on_the_episode_and_the_stream_alone() -> None:
+def test_what_is_hidden_depends_on_episode_and_stream_alone() -> None:
     together = flown(most=0.9, hold=5.0, seeds=np.array([3, 4, 5]))
     for world, seed in enumerate((3, 4, 5)):
         alone = flown(most=0.9, hold=5.0, seeds=np.array([seed]))

@@ -40,7 +40,7 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_network_maps_histories_to_chunks_and_its_loss_ignores_what_is_not_valid(name: str) -> None:
+def test_networks_map_histories_to_chunks_and_mask_their_loss(name: str) -> None:
     policy = fresh_policy(name)
     network = policy.network
     obs, actions = torch.randn(4, 2, policy.interface.layout.size), torch.randn(4, 5, 10)

@@ -51,7 +51,7 @@ def test_the_pose_itself_is_nothing() -> None:
     np.testing.assert_allclose(into_tool(tool, tool), np.tile([0, 0, 0, 1, 0, 0, 0, 1, 0], (5, 1)), atol=1e-12)
 
 
-def test_relative_chunks_are_decoded_as_demonstrated_and_scaled_by_their_own_statistics() -> None:
+def test_relative_chunks_are_decoded_as_they_were_demonstrated() -> None:
     config = MLP(chunk=7, relative=True, history=2)
     layout, demos = read_demos(demonstrations(4), config)
     windows = cut_windows(demos, layout, config)
@@ -116,7 +116,7 @@ def test_a_turned_and_moved_world_looks_the_same() -> None:
     assert not np.allclose(*(world.relate(world.flatten(o)) for o in (obs, moved)), atol=0.1)
 
 
-def test_blind_to_its_own_pose_it_sees_a_turned_and_moved_world_as_the_same() -> None:
+def test_without_its_own_pose_a_turned_world_looks_the_same() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
     blind = Layout.of(spec, MLP(relative=True, blind_to=("base_*", "joint_*", "gripper", "ee_*")))
     assert blind.unseen == ("ee_pos", "ee_rot6d")
@@ -136,5 +136,3 @@ def test_the_anchor_can_be_hidden() -> None:
         name: value + 1.0 if name.endswith("_pos") and name != "joint_pos" else value for name, value in obs.items()
     }
     np.testing.assert_allclose(*(layout.relate(layout.flatten(o)) for o in (obs, shifted)), atol=1e-12)
-    with pytest.raises(InvalidValueError, match="blind to every state field"):
-        Layout.of(spec, MLP(blind_to=("*",)))

@@ -67,7 +67,7 @@ def test_a_dictionary_is_answered_as_its_own_predict_does(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize("learner", [PPO, A2C])
-def test_a_choice_is_that_of_the_highest_score_however_large_scores_are(learner: Any, tmp_path: Path) -> None:
+def test_the_highest_score_is_chosen_however_large_scores_are(learner: Any, tmp_path: Path) -> None:
     """Clipped to the bounds of the scores, from 0 to 1, they would all be the same."""
     model = learner("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu", seed=3)
     with torch.no_grad():

@@ -73,3 +73,10 @@ def test_every_page_is_listed_where_readers_begin() -> None:
     start = (docs / "index.md").read_text(encoding="utf-8")
     lost = [page.name for page in docs.glob("*.md") if page.name != "index.md" and f"({page.name})" not in start]
     assert lost == [], "name them in docs/index.md, under the heading of their kind"
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.name)
+def test_a_page_is_read_in_one_sitting(page: Path) -> None:
+    """At most 1,500 words beside its code: longer ones are split by topic."""
+    prose = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    assert sum(any(letter.isalnum() for letter in word) for word in prose.split()) <= 1500

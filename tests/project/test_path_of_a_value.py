@@ -15,6 +15,7 @@ from aerial_il.algorithms.sac import SAC
 from aerial_il.cli.main import main
 
 PACKAGE = str(Path(aerial_il.__file__).parent)
+OWN_CHECKS = (f"{PACKAGE}/algorithms/", f"{PACKAGE}/core/checks.py")  # of an algorithm's settings, by itself
 LR = 0.001234567
 DEPTH = 6  # of containers that are looked into
 
@@ -46,7 +47,7 @@ def way(call: Callable[[], object]) -> tuple[set[tuple[str, str]], set[str]]:
 
     def note(frame: FrameType, event: str, _: object) -> None:
         code = frame.f_code
-        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(f"{PACKAGE}/algorithms/")
+        ours = code.co_filename.startswith(PACKAGE) and not code.co_filename.startswith(OWN_CHECKS)
         if event != "call" or done or not ours or code.co_name.startswith("<"):
             return
         names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount + 2]

@@ -10,6 +10,7 @@ from aerial_il import robots
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.robots import figures
 from aerial_il.robots.robot import Robot
+from tests.robots.test_robots import compiled
 
 ROBOTS = [robots.get(name) for name in robots.names()]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=lambda robot: robot.name)
@@ -18,10 +19,7 @@ each_flying = pytest.mark.parametrize("robot", [r for r in ROBOTS if not r.fixed
 
 def posed(robot: Robot, joints: tuple[float, ...]) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """The simulated robot with its base at the origin, arm in a posture, fingers closed."""
-    spec = mujoco.MjSpec()
-    spec.compiler.degree = False
-    robot.add_to(spec)
-    model = spec.compile()
+    model = compiled(robot)
     data = mujoco.MjData(model)
     first, _ = robot.first_joint
     data.qpos[first : first + robot.num_joints] = joints
@@ -59,7 +57,7 @@ def test_hover_thrusts_balance_weight_and_the_arm(robot: Robot) -> None:
         assert (stance.thrust < 0.9 * vehicle.rotor_max).all(), f"{stance.name} leaves no thrust to fly with"
 
 
-def test_the_heavy_quadrotor_leans_on_its_front_rotors_when_the_arm_is_ahead() -> None:
+def test_the_front_rotors_carry_an_arm_that_is_ahead() -> None:
     down, _, stretched = figures.stances(robots.get("big_four_z1"))
     assert stretched.tool[0] > 0.6
     assert 0.05 < stretched.com[0] < 0.12
@@ -81,7 +79,7 @@ def test_hover_power_is_that_of_momentum_theory() -> None:
 
 
 @pytest.mark.parametrize("robot", [r for r in ROBOTS if r.num_joints], ids=lambda robot: robot.name)
-def test_the_workspace_holds_both_rest_postures_and_stays_out_of_the_body(robot: Robot) -> None:
+def test_the_workspace_holds_both_rest_postures(robot: Robot) -> None:
     _, tools = figures.workspace(robot)
     assert len(tools) > 1000
     for posture in (robot.rest_down, robot.rest_forward):

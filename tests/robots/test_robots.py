@@ -62,7 +62,7 @@ def test_actuators_come_in_the_order_rotors_joints_gripper(robot: Robot) -> None
 
 
 @each_armed
-def test_servos_are_limited_to_honest_torques_and_hold_the_arm_in_any_posture(robot: Robot) -> None:
+def test_servos_hold_the_arm_in_any_posture(robot: Robot) -> None:
     model, vehicle = compiled(robot), robot.vehicle
     torque = np.array([link.torque for link in robot.arm.links])
     for j in range(robot.num_joints):
@@ -73,7 +73,7 @@ def test_servos_are_limited_to_honest_torques_and_hold_the_arm_in_any_posture(ro
 
 
 @each_armed
-def test_rest_postures_are_within_limits_and_point_where_they_say(robot: Robot) -> None:
+def test_rest_postures_point_where_they_say(robot: Robot) -> None:
     model, vehicle = compiled(robot), robot.vehicle
     data = mujoco.MjData(model)
     for posture, along in ((robot.rest_forward, [1.0, 0.0, 0.0]), (robot.rest_down, [0.0, 0.0, -1.0])):
@@ -117,7 +117,7 @@ def test_the_controller_keeps_a_reserve_of_sideways_force(robot: Robot) -> None:
     assert robot.vehicle.lateral_limit == pytest.approx(LATERAL_SHARE * robot.lateral_force)
 
 
-def test_a_camera_looks_where_it_is_told() -> None:
+def test_a_camera_looks_where_it_should() -> None:
     rot = np.empty(9)
     mujoco.mju_quat2Mat(rot, look_along(np.array([1.0, 1.0, -1.0])))
     axes = rot.reshape(3, 3)

@@ -52,7 +52,7 @@ def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [368, 986])
-def test_a_file_in_which_the_hdf5_library_stays_for_ever_is_refused(
+def test_a_file_in_which_hdf5_stays_for_ever_is_refused(
     number: int, targets: dict[str, Target], tmp_path: Path
 ) -> None:
     """Mutations that ``make fuzz`` found: in the second, what comes before the place raises."""
@@ -61,7 +61,7 @@ def test_a_file_in_which_the_hdf5_library_stays_for_ever_is_refused(
 
 
 @pytest.mark.slow
-def test_a_file_of_thousands_of_demonstrations_is_not_taken_for_damaged(tmp_path: Path) -> None:
+def test_a_file_of_many_demonstrations_is_not_called_damaged(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "many.hdf5", "w") as file:
         for demo in range(600):
             for name in ("actions", *(f"obs/f{i}" for i in range(10)), *(f"next_obs/f{i}" for i in range(10))):

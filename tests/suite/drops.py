@@ -17,10 +17,7 @@ from aerial_il.suite.scene import build_xml
 BASE = "base"
 DOWN = np.array([0.0, 0.0, -1.0])
 LOWEST_M, HIGHEST_M = 0.05, 1.0  # gap between an object and what lies below it when it is let go
-AROUND_M, ASIDE_M = (
-    np.array([0.5, 0.6]),
-    0.08,
-)  # where it is let go: over the table and beside it, and over each fixture
+AROUND_M, ASIDE_M = np.array([0.5, 0.6]), 0.08  # where it is let go: about the table, and about each fixture
 SETTLING_S = 6.0  # a cube may tip over the rim of the bowl after seconds
 PENETRATION_M = 1e-3
 WATCHED_S, MOVED_M, TURNED_RAD = 0.5, 0.002, 0.02  # at the end; contacts of boxes flicker, so no speed is asked for

@@ -10,7 +10,7 @@ from aerial_il.control.vehicle import GRAVITY
 from aerial_il.robots.parts.collision import WORLD
 from aerial_il.robots.parts.gripper import PAD_CONTACT
 from aerial_il.suite.props.contact import GRASPABLE
-from aerial_il.suite.props.cube import CUBE_HALF_M, CUBE_MASS_KG, add_cube
+from aerial_il.suite.props.cube import add_cube
 from aerial_il.suite.props.table import TABLE_HEIGHT_M, add_table
 from aerial_il.suite.scene import set_physics
 from aerial_il.suite.timing import PHYSICS_DT_S
@@ -65,14 +65,3 @@ def test_what_is_dropped_never_gains_energy(surface: str, dropped: str) -> None:
         free = np.flatnonzero(~touching)  # in contact, the contact holds elastic energy that MuJoCo does not count
         assert np.diff(energy[free]).max() <= 0.02 * scale, "no bounce gives more than came in"
         assert energy[-50:].max() - energy[-50:].min() <= 0.01 * scale, "it comes to rest"
-
-
-def test_a_resting_cube_stays_at_rest() -> None:
-    model = scene("table", "cube")
-    data = mujoco.MjData(model)
-    data.qpos[:7] = [0.1, 0.05, TABLE_HEIGHT_M + CUBE_HALF_M, 1.0, 0.0, 0.0, 0.0]
-    for _ in range(1000):
-        mujoco.mj_step(model, data)
-    assert np.abs(data.qvel).max() < 1e-3
-    np.testing.assert_allclose(data.qpos[:2], [0.1, 0.05], atol=1e-3)
-    assert model.body_mass[model.body("cube").id] == pytest.approx(CUBE_MASS_KG)

@@ -8,15 +8,14 @@ import pytest
 
 import aerial_il
 from aerial_il.control import controller_state as layout
-from aerial_il.control import controllers
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core import registry
 from aerial_il.core.specs import EnvSpec
 from tests.contract.registered import random_actions
 
 CELL = ("ua_quad_arm4", "reach")
 
 
-@pytest.mark.parametrize("law", controllers.names())
+@pytest.mark.parametrize("law", registry.names("controller"))
 def test_a_stored_state_resumes_and_one_world_equals_a_batch(law: str) -> None:
     batch = aerial_il.load_batch(*CELL, num_envs=3, tier="gusts", controller=law)
     single = aerial_il.load(*CELL, tier="gusts", controller=law, seed=1)
@@ -40,7 +39,7 @@ def test_a_stored_state_resumes_and_one_world_equals_a_batch(law: str) -> None:
     single.close()
 
 
-def test_the_specification_says_who_flies_and_policies_do_not_care() -> None:
+def test_the_specification_says_which_law_flies() -> None:
     with gymnasium.make("aerial_il/reach-ua_quad_arm4-v0", controller="lqr") as env:
         spec = env.unwrapped.aerial.spec
     assert spec.controller == "lqr"
@@ -49,8 +48,3 @@ def test_the_specification_says_who_flies_and_policies_do_not_care() -> None:
     assert EnvSpec.from_dict(old).controller == "geometric_observer", "recordings from before there was a choice"
     assert spec.differences(EnvSpec.from_dict(old)) == []
     assert spec.differences(EnvSpec.from_dict(old), ignore=()) == ["controller: 'lqr' != 'geometric_observer'"]
-
-
-def test_an_unknown_controller_is_answered_with_the_valid_ones() -> None:
-    with pytest.raises(UnknownNameError, match="Valid: geometric, geometric_observer, lqr, pid"):
-        aerial_il.load(*CELL, controller="mpc")

@@ -25,7 +25,7 @@ def test_what_is_dropped_comes_to_rest_on_top(task: str, joint: str, drops: int)
     assert faults(task, joint, props_of(task).compile(), drops) == {"none": drops}
 
 
-def test_loose_objects_are_found() -> None:
+def test_loose_objects_are_listed() -> None:
     assert {("pick_place", "cube"), ("insert_peg", "peg")} <= set(loose_objects())
 
 

@@ -35,7 +35,7 @@ def test_slow_forces_pass_and_fast_ones_do_not(hertz: float) -> None:
     assert passed > 0.98 if hertz < BANDWIDTH_HZ else passed < 0.4
 
 
-def test_the_largest_is_remembered_and_each_reading_of_a_control_step_kept() -> None:
+def test_the_largest_and_every_reading_are_kept() -> None:
     forces, userdata = np.zeros(4 * episode_state.MAX_FORCES), np.zeros(episode_state.USERDATA_SIZE)
     readings = []
     for tick, value in enumerate((0.0, 40.0, 0.0, 0.0, 0.0)):

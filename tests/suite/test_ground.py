@@ -30,7 +30,7 @@ def dropped() -> tuple[BatchEnvironment, list[np.ndarray]]:
     return worlds, heights
 
 
-def test_it_comes_to_rest_on_its_skids_and_only_soft_landings_count() -> None:
+def test_it_rests_on_its_skids_and_only_soft_landings_count() -> None:
     worlds, (*heights, success) = dropped()
     np.testing.assert_allclose(heights[-1], STAND_M, atol=1e-3)
     assert np.ptp(heights[-20:], axis=0).max() < 1e-4, "it neither sinks nor bounces"

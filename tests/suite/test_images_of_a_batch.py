@@ -22,7 +22,7 @@ def same(shown: dict[str, np.ndarray], env: BatchEnvironment) -> None:
         np.testing.assert_array_equal(shown[key], anew[key])
 
 
-def test_images_are_of_the_worlds_as_they_stand_after_some_of_them_moved() -> None:
+def test_images_are_of_the_worlds_as_they_stand() -> None:
     env = aerial_il.load_batch(*CELLS[0], num_envs=3, cameras=("wrist", "base:depth"), image_size=(24, 32))
     try:
         first = env.reset(0)
@@ -41,7 +41,7 @@ def test_images_are_of_the_worlds_as_they_stand_after_some_of_them_moved() -> No
         env.close()
 
 
-def test_an_environment_that_is_forgotten_spoils_no_other_ones_images() -> None:
+def test_a_forgotten_environment_spoils_no_images() -> None:
     def shown() -> tuple[BatchEnvironment, np.ndarray]:
         env = aerial_il.load_batch(*CELLS[0], num_envs=2, cameras=("wrist",), image_size=(24, 32))
         return env, env.reset(0)["wrist_rgb"]

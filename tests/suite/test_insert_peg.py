@@ -10,7 +10,7 @@ from aerial_il.experts import insert_peg
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M
-from tests.contract.registered import batch
+from tests.contract.registered import batch, fly_until_solved
 
 ROBOT = "fa_hexa_arm4"
 
@@ -81,9 +81,4 @@ def test_the_expert_picks_up_a_peg_that_lies_on_the_table() -> None:
     between = 0.5 * (view.site_pos("hole") + view.site_pos("stand"))
     between[:, 2] = TABLE_HEIGHT_M + PEG_RADIUS_M
     put_peg(worlds, between, (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0))
-    solved = np.zeros(worlds.num_envs, bool)
-    for _ in range(worlds.spec.max_steps):
-        solved |= worlds.step(expert.act({}), ~solved).info["success"]
-        if solved.all():
-            return
-    raise AssertionError(f"solved: {solved}")
+    assert fly_until_solved(worlds, expert).all()

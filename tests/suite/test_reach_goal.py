@@ -62,10 +62,10 @@ def dense(away_m: np.ndarray, turned_deg: np.ndarray) -> np.ndarray:
     return measured.number(reach.reward)(view)
 
 
-def test_the_dense_reward_pays_for_the_last_degrees_as_for_the_last_centimetres() -> None:
+def test_the_dense_reward_pays_for_the_last_degrees() -> None:
     degrees = np.array([0.0, 10.0, 20.0, 45.0, 90.0])
     by_angle = dense(np.zeros(5), degrees)
     assert by_angle[0] == pytest.approx(1.0)
-    assert (np.diff(by_angle) < -0.05).all(), "each of these is worth turning for"
+    assert (np.diff(by_angle) < -0.05).all(), "each of these pays"
     by_distance = dense(np.array([0.0, 0.02, 0.04, 0.3, 0.6]), np.zeros(5))
     assert (np.diff(by_distance) < -0.05).all()

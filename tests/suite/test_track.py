@@ -6,7 +6,7 @@ import numpy as np
 
 from aerial_il.experts.track import TrackExpert
 from aerial_il.suite.tasks import track
-from tests.contract.registered import batch
+from tests.contract.registered import batch, hold_actions
 
 CELL = ("ua_quad_arm4", "track")
 
@@ -14,7 +14,7 @@ CELL = ("ua_quad_arm4", "track")
 def test_the_target_goes_where_the_preview_says_and_comes_round() -> None:
     worlds = batch(*CELL)
     first = worlds.reset(7)
-    hover = np.concatenate([first["ee_pos"], first["ee_rot6d"], np.ones((3, 1))], axis=1)
+    hover = hold_actions(worlds)
     announced = first["tool_to_preview"][:, :3] + first["ee_pos"]
     lap = np.ceil(track.FULL_LAP / np.abs(worlds.simulation.view.task_state[:, track.RATE]) / 0.02)
     positions = []

@@ -50,7 +50,7 @@ def test_the_whole_path_in_three_lines(
 
 
 @pytest.mark.slow
-def test_an_environment_that_is_only_known_to_this_process_is_flown_and_judged_in_it(tmp_path: Path) -> None:
+def test_an_environment_of_this_process_alone_is_flown(tmp_path: Path) -> None:
     gymnasium.register("Known-here-v0", "gymnasium.envs.classic_control.cartpole:CartPoleEnv", max_episode_steps=9)
     ppo = {"name": "ppo", "steps": 64, "rollout": 32, "log_every": 32}
     where = {"env": "gymnasium:Known-here-v0", "success": "survived", "threads": 1, "num_envs": 8}

@@ -16,7 +16,7 @@ SHORT = ["algorithm.steps=2", "algorithm.batch_size=4", "progress=false"]
 
 
 @pytest.mark.render
-def test_a_policy_learns_from_recorded_images_and_flies_through_the_same_cameras(tmp_path: Path) -> None:
+def test_a_policy_flies_through_the_cameras_it_learned_from(tmp_path: Path) -> None:
     data, folder = tmp_path / "seen", tmp_path / "run"
     pictures = ["cameras=[wrist,base]", "image_size=[20,24]", "episodes=2", "progress=false"]
     assert main(["collect", *CELL, *pictures, f"out={data}"]) == 0

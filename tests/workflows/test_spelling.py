@@ -16,7 +16,7 @@ from omegaconf import OmegaConf
 from aerial_il.cli import commands
 from aerial_il.cli.compose import compose, points
 from aerial_il.cli.main import main
-from aerial_il.cli.words import is_sweep, literals, read
+from aerial_il.cli.words import literals, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.workflows import spelling
 from aerial_il.workflows.spelling import command_line, literal
@@ -146,13 +146,11 @@ def test_words_and_settings_are_equivalent(typed: list[str]) -> None:
 )
 def test_a_sweep_parts_values_at_commas_outside_of_quotes(value: str, swept: str) -> None:
     assert literals(value) == swept
-    assert is_sweep(value)
     assert read(EVALUATE, ["-m", f"policy={value}", "out=x"]).overrides[0] == f"policy={swept}"
 
 
 def test_a_sweep_by_a_function_stays_one() -> None:
     assert literals("glob(*)") == "glob(*)"
-    assert not is_sweep("'com,ma'")
 
 
 def test_a_sweep_over_paths_runs_each_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ from aerial_il.algorithms.adversarial.discriminator import (
     gradient_penalty,
 )
 from aerial_il.algorithms.online.interface import encode, encode_actions
-from aerial_il.algorithms.online.replay_buffer import Batch
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
@@ -33,6 +33,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
 
 
 class Shape(TypedDict):
@@ -121,6 +122,22 @@ class RewardNet:
 
     def _inputs(self, obs: Tensor, actions: Tensor) -> Tensor:
         return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
+
+
+def sample_demos(
+    expert_buffer: ReplayBuffer, count: int, actor: SquashedGaussianNetwork, *, action_noise: bool
+) -> Batch:
+    """Draw ``count`` demonstrated transitions for a discriminator, with the noise of ``actor`` if asked for."""
+    demos = expert_buffer.sample(count)
+    return with_action_noise(demos, actor) if action_noise else demos
+
+
+@torch.no_grad()
+def with_action_noise(demos: Batch, actor: SquashedGaussianNetwork) -> Batch:
+    """Return ``demos`` with the noise on their actions that ``actor`` would have added to them."""
+    _, log_std = actor.gaussian(demos.obs[:, None, :-1])
+    raw = unsquashed(demos.actions)
+    return demos._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))
 
 
 def discriminator_loss(

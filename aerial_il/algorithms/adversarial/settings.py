@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 from aerial_il.algorithms.adversarial.discriminator import Reward
 from aerial_il.algorithms.adversarial.reward_net import Shape
-from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.run.checks import (
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.core.checks import (
     require_choice,
     require_not_negative,
     require_positive,
@@ -61,15 +60,6 @@ class LearnedReward:
         }
 
 
-class Pretrained(Protocol):
-    """What may begin with behavioural cloning."""
-
-    @property
-    def bc_pretrain_steps(self) -> int: ...
-    @property
-    def demonstrations(self) -> Demonstrations: ...
-
-
-def begins_cloned(settings: Pretrained) -> bool:
-    """Whether it begins with behavioural cloning, as the control without demonstrations does not."""
+def starts_cloned(settings: Algorithm) -> bool:
+    """Whether it starts with behavioural cloning, as the control without demonstrations does not."""
     return settings.bc_pretrain_steps > 0 and settings.demonstrations.control != "constant_reward"

@@ -12,7 +12,7 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.problem import Collect, InteractiveProblem, Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
@@ -119,7 +119,7 @@ class InteractiveAlgorithm(ABC):
         """Learn by flying.
 
         Args:
-            dataset: demonstrations to begin with, flown in the same kind of environment; failures are left out.
+            dataset: demonstrations to start with, flown in the same kind of environment; failures are left out.
             policy: what to train.
             run: folder of the run; see :mod:`aerial_il.algorithms.interactive.rounds`.
             env: batch environment to fly in. expert: whom to ask, or who sits at the controls. collect: records

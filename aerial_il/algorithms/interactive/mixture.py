@@ -64,7 +64,7 @@ class Gate(Protocol):
     """Decides who flies. Its state has a row per world."""
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
-        """Begin the episodes of ``seeds`` (n,) in the worlds of ``mask`` (n,) bool."""
+        """Start the episodes of ``seeds`` (n,) in the worlds of ``mask`` (n,) bool."""
         ...
 
     def decide(self, given: GateInput) -> Decision:

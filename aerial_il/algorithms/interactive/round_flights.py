@@ -137,10 +137,10 @@ class RoundFlights:
     def _read(self, folder: Path) -> list[Episode]:
         if not any(DatasetFolder(folder).files(kind) for kind in KINDS):
             return []
-        return list(open_dataset(folder, cameras=self._problem.policy.images, failures=True))
+        return list(open_dataset(folder, cameras=self._problem.policy.images, failures=True, states=False))
 
     def _aggregate(self, number: int) -> None:
-        """Add the flights of a round to the dataset on disk, which begins with the demonstrations."""
+        """Add the flights of a round to the dataset on disk, which starts with the demonstrations."""
         dataset, spec = DatasetFolder(self._run / DATASET), self._problem.env.spec
         dataset.claim(spec)
         for episode in self._demos:

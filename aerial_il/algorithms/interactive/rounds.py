@@ -91,7 +91,7 @@ class Rounds:
                 yield Rounds(folder, problem, demos)
 
     @property
-    def teacher(self) -> Policy | Operator:
+    def expert(self) -> Policy | Operator:
         """Whom it asks."""
         assert self.problem.expert is not None, "checked when the run was opened"
         return self.problem.expert

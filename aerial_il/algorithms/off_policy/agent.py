@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,12 +11,13 @@ from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
 from aerial_il.algorithms.run.train_state import TrainState
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.network import ChunkNetwork
-from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
+from aerial_il.policies.parts.network import StochasticNetwork
 
 
-class Agent[Network: ChunkNetwork](ABC):
+class Agent[Network: StochasticNetwork]:
     """Networks in training and their target networks; what they learn stands in the file of each algorithm.
+
+    There they are made with ``settings``, the algorithm's, ``actor``, the policy's network, and ``sizes``, Do and Da.
 
     Args:
         trained: by the names that their state is kept under. targets: likewise. others: whatever else changes.
@@ -38,9 +38,10 @@ class Agent[Network: ChunkNetwork](ABC):
         self._trained, self.updates = trained, 0
         self._parts: Mapping[str, Stateful] = {**trained, **targets, **(others or {})}
 
-    @abstractmethod
+    @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        """Return normalised actions (n, Da) to explore with, for encoded observations (n, Do)."""
+        """Return normalised actions (n, Da) to explore with, for encoded observations (n, Do): samples of the actor."""
+        return self.actor.sample(tensor(obs)[:, None])[0].numpy()
 
     def set_lr(self, lr: float) -> None:
         """Take all steps that follow at the learning rate ``lr``."""
@@ -53,9 +54,3 @@ class Agent[Network: ChunkNetwork](ABC):
     def restore(self, saved: Snapshot) -> None:
         separate(saved, self._parts)
         self.updates = saved.values["updates"]
-
-
-@torch.no_grad()
-def sampled(actor: SquashedGaussianNetwork, obs: np.ndarray) -> np.ndarray:
-    """Sample actions (n, Da) from ``actor`` for encoded observations (n, Do)."""
-    return actor.sample(tensor(obs)[:, None])[0].numpy()

@@ -16,8 +16,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from aerial_il.algorithms.online.collector import Transition
-from aerial_il.algorithms.run.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.core.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns

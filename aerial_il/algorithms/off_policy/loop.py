@@ -6,23 +6,12 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from aerial_il.algorithms.off_policy.agent import Agent
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
-from aerial_il.algorithms.off_policy.settings import Replay
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
-
-
-class Settings(Protocol):
-    """What the loop reads of an algorithm's settings."""
-
-    @property
-    def warmup(self) -> int: ...
-    @property
-    def lr(self) -> float: ...
-    @property
-    def lr_floor(self) -> float: ...
-    @property
-    def replay(self) -> Replay: ...
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 class Flights(Protocol):
@@ -36,7 +25,7 @@ class Flights(Protocol):
 
 def learn_off_policy(
     run: OnlineRun,
-    settings: Settings,
+    settings: Algorithm,
     agent: Agent,
     flights: Flights,
     update: Callable[[bool], Mapping[str, float]],
@@ -61,7 +50,7 @@ def learn_off_policy(
         every: environment steps from one block of updates to the next.
     """
     random = {"random_actions": pilot} if isinstance(pilot, RandomActions) else {}
-    run.begin(agent.actor, {"agent": agent, **(parts or {}), **random, **flights.parts})
+    run.start(agent.actor, {"agent": agent, **(parts or {}), **random, **flights.parts})
 
     for _ in run.offline(offline):
         run.log(update(True))
@@ -80,6 +69,24 @@ def learn_off_policy(
         run.end_turn()
 
 
-def lr_at(settings: Settings, left: float) -> float:
+def learn_from_reward(
+    run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[..., Mapping[str, float]]
+) -> ChunkPolicy:
+    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone, and return the trained policy.
+
+    Through the warm-up actions are random; a prior flies it itself, while its critics learn.
+    """
+    hindsight, size = settings.hindsight, settings.replay.batch_size
+    flights = ExperienceReplay(run, settings.replay.capacity, hindsight=hindsight, obs_norm=settings.obs_norm)
+    pilot = None if settings.prior else RandomActions(run.sizes[1], run.rng("warm-up"))
+
+    def update(improve: bool) -> Mapping[str, float]:
+        return learn(flights.buffer.sample(size), improve=improve)
+
+    learn_off_policy(run, settings, agent, flights, update, pilot=pilot)
+    return run.finish()
+
+
+def lr_at(settings: Algorithm, left: float) -> float:
     """Return the learning rate when the share ``left`` of the training is left."""
     return settings.lr * (settings.lr_floor + (1.0 - settings.lr_floor) * left)

@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
-from aerial_il.algorithms.off_policy import loop
 from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.online.demonstrations import Demonstrations
+from aerial_il.algorithms.off_policy.loop import learn_off_policy
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.replay_buffer import Batch, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
-class Settings(loop.Settings, Protocol):
-    """What is read of an algorithm's settings besides those of the loop."""
-
-    @property
-    def offline_steps(self) -> int: ...
-    @property
-    def demos_share(self) -> float: ...
-    @property
-    def demonstrations(self) -> Demonstrations: ...
-    @property
-    def hindsight(self) -> Hindsight: ...
-
-
 def learn_offline_first(
-    run: OnlineRun, settings: Settings, agent: Agent, learn: Callable[[Batch], Mapping[str, float]]
+    run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[[Batch], Mapping[str, float]]
 ) -> ChunkPolicy:
     """Let ``agent`` learn, each time from a minibatch: ``offline_steps`` times from the dataset, then as it flies.
 
@@ -48,7 +33,5 @@ def learn_offline_first(
         return learn(mixed(demos, flights.buffer, size, settings.demos_share) if flown else demos.sample(size))
 
     parts = {"demonstrations": demos}
-    loop.learn_off_policy(
-        run, settings, agent, flights, update, pilot=pilot, parts=parts, offline=settings.offline_steps
-    )
+    learn_off_policy(run, settings, agent, flights, update, pilot=pilot, parts=parts, offline=settings.offline_steps)
     return run.finish()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.algorithms.run.checks import require_positive, require_share, require_widths
+from aerial_il.core.checks import require_positive, require_share, require_widths
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts import critics
 

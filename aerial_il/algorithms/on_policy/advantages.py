@@ -1,4 +1,4 @@
-"""Generalised advantages of single steps and of decisions that last several, and the normalisation of rewards."""
+"""Generalised advantages of decisions, which last a step or several, and the normalisation of rewards."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from torch import Tensor
 
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.core.tensors import tensor
 
 
 class Advantages(NamedTuple):
@@ -37,45 +36,8 @@ class Judged(NamedTuple):
     data: Advantages
     value: float
 
-    @staticmethod
-    def of(*columns: np.ndarray, value: float) -> Judged:
-        """Return the decisions of these columns, those of :class:`Advantages`."""
-        return Judged(Advantages(*(tensor(np.asarray(column, np.float32)) for column in columns)), value)
-
 
 def gae(
-    rewards: np.ndarray,
-    values: np.ndarray,
-    next_values: np.ndarray,
-    ended: np.ndarray,
-    *,
-    gamma: float,
-    gae_lambda: float,
-) -> np.ndarray:
-    """Return generalised advantage estimates (T, n).
-
-    ``A_t = delta_t + gamma * gae_lambda * (1 - ended_t) * A_{t+1}`` with
-    ``delta_t = r_t + gamma * V(s'_t) - V(s_t)``, where ``s'_t`` is what was seen before any reset.
-
-    Args:
-        rewards, values: (T, n) ``r_t`` and ``V(s_t)``.
-        next_values: (T, n) ``V(s'_t)``: the critic's where the episode goes on or was only truncated, so that a time
-            limit does not count as a loss; after a terminal step, the value of that end.
-        ended: (T, n) bool, ``s'_t`` was the last of its episode.
-        gamma: discount. gae_lambda: lambda.
-
-    Source: J. Schulman et al., "High-Dimensional Continuous Control Using Generalized Advantage Estimation", 2016,
-    equation 16; F. Pardo et al., "Time Limits in Reinforcement Learning", 2018, equation 6.
-    """
-    errors = rewards + gamma * next_values - values
-    found, later = np.zeros_like(errors), np.zeros(errors.shape[1:])
-    for t in reversed(range(len(errors))):
-        later = errors[t] + gamma * gae_lambda * np.where(ended[t], 0.0, later)
-        found[t] = later
-    return found
-
-
-def gae_of_decisions(
     rewards: np.ndarray,
     values: np.ndarray,
     next_values: np.ndarray,
@@ -87,16 +49,20 @@ def gae_of_decisions(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return generalised advantages (T, n) where decisions were made, and the step (T, n) at which each one closed.
 
-    ``A_t = R_t + gamma^k V(s_{t+k}) - V(s_t) + gamma^k lambda A_{t+k}``, where the decision of step t lasted k steps
-    with ``R_t`` as the sum of their discounted rewards. A decision that is cut by a time limit, or by the end of the
-    rollout, bootstraps from the critic there.
+    ``A_t = R_t + gamma^k V(s'_{t+k}) - V(s_t) + gamma^k lambda A_{t+k}``, where the decision of step t lasted k steps
+    with ``R_t`` as the sum of their discounted rewards, and ``s'`` is what was seen before any reset. A decision that
+    is cut by a time limit, or by the end of the rollout, bootstraps from the critic there.
 
     Args:
-        rewards, values, next_values, ended: (T, n) as in :func:`gae`. decided: (T, n) bool, a decision begins here.
+        rewards, values: (T, n) ``r_t`` and ``V(s_t)``.
+        next_values: (T, n) ``V(s'_{t+1})``: the critic's where the episode goes on or was only truncated, so that a
+            time limit does not count as a loss; after a terminal step, the value of that end.
+        ended: (T, n) bool, the step was the last of its episode. decided: (T, n) bool, a decision starts here.
         gamma: discount of a step. gae_lambda: lambda, counted in decisions.
 
-    Source: R. Sutton, D. Precup, S. Singh, "Between MDPs and semi-MDPs", 1999, section 3, for one decision; J. Schulman
-    et al., "High-Dimensional Continuous Control Using Generalized Advantage Estimation", 2016, for their sum.
+    Source: J. Schulman et al., "High-Dimensional Continuous Control Using Generalized Advantage Estimation", 2016,
+    equation 16; F. Pardo et al., "Time Limits in Reinforcement Learning", 2018, equation 6; R. Sutton, D. Precup,
+    S. Singh, "Between MDPs and semi-MDPs", 1999, section 3, for decisions that last.
     """
     steps, worlds = rewards.shape
     found, closing = np.zeros((steps, worlds)), np.zeros((steps, worlds), np.int64)
@@ -104,7 +70,7 @@ def gae_of_decisions(
     closed_at = np.zeros(worlds, np.int64)
     for t in reversed(range(steps)):
         closes = ended[t] | (decided[t + 1] if t + 1 < steps else True)
-        paid = rewards[t] + gamma * np.where(closes, next_values[t], paid)
+        paid = rewards[t] + np.where(closes, gamma * next_values[t], gamma * paid)
         left, later = gamma * np.where(closes, 1.0, left), np.where(ended[t], 0.0, later)
         closed_at = np.where(closes, t, closed_at)
         found[t] = np.where(decided[t], paid - values[t] + gae_lambda * left * later, 0.0)

@@ -15,6 +15,8 @@ from aerial_il.policies.parts.network import StochasticNetwork
 class ActorCritic[Actor: StochasticNetwork]:
     """Both in training, each with its optimiser; what they learn stands in the file of each algorithm.
 
+    There they are made with ``settings``, the algorithm's, too.
+
     Args:
         actor: the policy's network. obs_size: Do. critic_hidden: the critic's widths. lr: learning rate of both.
     """

@@ -1,7 +1,7 @@
 """Rollouts of decisions that last several steps, such as chunks of actions.
 
 A decision is credited with all rewards until the next one: for the learner it is one action, after which so many steps
-have passed (a semi-Markov decision process). Each rollout begins with new decisions in all worlds, so that nothing is
+have passed (a semi-Markov decision process). Each rollout starts with new decisions in all worlds, so that nothing is
 half decided between two of them.
 """
 
@@ -12,8 +12,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.on_policy.advantages import Judged, gae_of_decisions
-from aerial_il.algorithms.on_policy.loop import Agent, Settings
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Stateful
 
@@ -22,7 +20,7 @@ class Acted(NamedTuple):
     """What one step was flown by.
 
     Attributes:
-        obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision begins here.
+        obs: (n, Do) what decisions see; of meaning where one was made. decided: (n,) bool, a decision starts here.
         raw: (n, R) the sample behind it. actions: (n, Da) in the environment's units.
         learner: (n,) bool, they are the learner's; None for all of them.
     """
@@ -59,17 +57,19 @@ class Decisions(NamedTuple):
     """T steps of n worlds.
 
     Attributes:
-        obs, decided, raw: see :class:`Acted`. after: (T, n, Do) what a decision after the step would see.
+        obs, decided, raw: see :class:`Acted`. next_obs: (T, n, Do) what a decision after the step would see.
         rewards: (T, n). terminal, truncated: (T, n) bool; see :class:`Transition`.
     """
 
     obs: np.ndarray
     decided: np.ndarray
     raw: np.ndarray
-    after: np.ndarray
+    next_obs: np.ndarray
     rewards: np.ndarray
     terminal: np.ndarray
     truncated: np.ndarray
+
+    lasts_a_step = False  # a decision, but for the shortest
 
     @property
     def ended(self) -> np.ndarray:
@@ -108,18 +108,3 @@ class DecisionFlights:
             after = pilot.after(step)
             rows.append((*acted[:3], after, step.rewards, step.terminal, step.truncated))
         return Decisions(*(np.stack(values) for values in zip(*rows, strict=True)))
-
-    def judged(
-        self, rollout: Decisions, rewards: np.ndarray, agent: Agent, settings: Settings, end_values: np.ndarray | float
-    ) -> Judged | None:
-        made = rollout.decided
-        if made.sum() < 2:
-            return None
-        values = agent.values(rollout.obs)
-        after = np.where(rollout.terminal, end_values, agent.values(rollout.after))
-        factors = {"gamma": settings.gamma, "gae_lambda": settings.gae_lambda}
-        found, closing = gae_of_decisions(rewards, values, after, rollout.ended, made, **factors)
-        steps, worlds = np.nonzero(made)
-        next_obs = rollout.after[closing[steps, worlds], worlds]
-        columns = (rollout.obs[made], next_obs, rollout.raw[made], found[made], (found + values)[made])
-        return Judged.of(*columns, value=float(values[made].mean()))

@@ -22,16 +22,16 @@ from aerial_il.algorithms.on_policy.cut_short import cut_short
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import check_same
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
 from aerial_il.algorithms.online.rewards import Source, reward_scheme
 from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Evaluate
-from aerial_il.algorithms.run.checks import require_positive
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint, digest
+from aerial_il.core.checks import require_positive
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
@@ -53,10 +53,10 @@ ANY_CLASS = "algorithm=residual takes a prior of any class."
 class Start(NamedTuple):
     """What learning starts from: a policy, the demonstrations, and an expert where there is one.
 
-    The policy is ``begun`` as it flies by itself, and ``prior`` as the learner flies it.
+    The policy flies ``alone`` as it was saved, and as ``prior`` as the learner flies it.
     """
 
-    begun: ChunkPolicy
+    alone: ChunkPolicy
     prior: ChunkPolicy
     demos: Sequence[Episode]
     expert: Policy | None = None
@@ -124,13 +124,13 @@ class FromClone(Algorithm):
             InvalidValueError: also for a prior that cannot fly here or be trained, and demonstrations longer than
                 episodes.
         """
-        begun = load_prior(self.prior, env.spec) if self.prior else None
-        demos = shown(dataset or (), begun.config if begun else policy, env)
+        alone = load_prior(self.prior, env.spec) if self.prior else None
+        demos = shown(dataset or (), alone.config if alone else policy, env)
         inputs = self.inputs(env.spec, expert, demos)
-        if begun is None:
+        if alone is None:
             options = {"seed": seed, "resume": resume, "progress": progress}
-            begun = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
-        prior = self.flown(begun)
+            alone = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
+        prior = self.flown(alone)
         self._warn_of_too_few_steps()
         problem = Problem(
             self.name,
@@ -144,7 +144,7 @@ class FromClone(Algorithm):
             initial=prior.network.state_dict(),
         )
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.go_on(opened, Start(begun, prior, demos, expert)) if opened else load_policy(run)
+            return self.go_on(opened, Start(alone, prior, demos, expert)) if opened else load_policy(run)
 
     @abstractmethod
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
@@ -158,7 +158,7 @@ class FromClone(Algorithm):
     def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
         """Collect and learn until the run has no steps left; return the trained policy."""
 
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, given: Given) -> Problem:
         """Refuse: there has to be something to start from, which :meth:`train` brings."""
         raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
 

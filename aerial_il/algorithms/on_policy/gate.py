@@ -30,7 +30,7 @@ class ReturnGate:
 
     def __init__(self, actor: ChunkNetwork, worlds: int, errors: float) -> None:
         self._actor, self._errors, self._ended = actor, errors, Returns(worlds)
-        self._begun = self._kept = _copied(actor)
+        self._first = self._kept = _copied(actor)
         self._prior, self._own, self._keeps = (np.zeros(0) for _ in range(3))  # returns of the prior, now, of the kept
         self._flies: Literal["prior", "kept", "new"] = "prior"
 
@@ -66,21 +66,21 @@ class ReturnGate:
     def _fall_back(self) -> None:
         """Let the kept weights fly once more; those of the prior where these have just failed, or where none is."""
         if self._flies == "kept" or not len(self._keeps):
-            self._kept, self._keeps, self._flies = self._begun, np.zeros(0), "prior"
+            self._kept, self._keeps, self._flies = self._first, np.zeros(0), "prior"
         else:
             self._flies = "kept"
         self._own = self._keeps
         load_weights(self._actor, self._kept)
 
     def snapshot(self) -> Snapshot:
-        weights = {**under("begun", self._begun), **under("kept", self._kept)}
+        weights = {**under("first", self._first), **under("kept", self._kept)}
         returns = {"prior": self._prior.copy(), "own": self._own.copy(), "keeps": self._keeps.copy()}
         return Snapshot({**self._ended.snapshot().arrays, **returns, **weights}, {"flies": self._flies})
 
     def restore(self, saved: Snapshot) -> None:
         self._ended.restore(saved)
         self._prior, self._own, self._keeps = (saved.arrays[name].copy() for name in ("prior", "own", "keeps"))
-        self._begun, self._kept = (below(name, saved.arrays) for name in ("begun", "kept"))
+        self._first, self._kept = (below(name, saved.arrays) for name in ("first", "kept"))
         self._flies = saved.values["flies"]
 
 

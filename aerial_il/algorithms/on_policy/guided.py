@@ -1,4 +1,4 @@
-"""Episodes that a guide begins: for how many steps it flies, and the pilot that lets a learner take over then."""
+"""Episodes that a guide starts: for how many steps it flies, and the pilot that lets a learner take over then."""
 
 from __future__ import annotations
 
@@ -63,14 +63,14 @@ class GuidedPilot:
         self._curriculum, self._rng = curriculum, rng
         self.stage, self.flown, self._best, self._returns = 0, 0, -np.inf, list[float]()
         n = collector.n
-        self._left, self._begun, self._paid = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
+        self._left, self._stages, self._paid = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
         attach(guide, uncut(collector.env))
-        self._begin_guide(np.ones(n, bool))
-        self._begin(np.ones(n, bool))
+        self._start_guide(np.ones(n, bool))
+        self._start(np.ones(n, bool))
 
     @property
     def steps(self) -> int:
-        """The guide's steps in episodes that begin now; where they are sampled, at most."""
+        """The guide's steps in episodes that start now; where they are sampled, at most."""
         chosen = self._curriculum
         return chosen.horizon if chosen.schedule == "random" else chosen.steps(self.stage)
 
@@ -92,10 +92,10 @@ class GuidedPilot:
         found, ended = self._learner.after(step), step.terminal | step.truncated
         self._paid += step.rewards
         if ended.any():
-            self._returns += self._paid[ended & (self._begun == self.stage)].tolist()
+            self._returns += self._paid[ended & (self._stages == self.stage)].tolist()
             self._pass()
-            self._begin_guide(ended)
-            self._begin(ended)
+            self._start_guide(ended)
+            self._start(ended)
         return found
 
     def _pass(self) -> None:
@@ -109,14 +109,14 @@ class GuidedPilot:
         if mean >= self._best - curriculum.tolerance * abs(self._best) or not np.isfinite(self._best):
             self.stage, self._best, self._returns = self.stage + 1, max(self._best, mean), []
 
-    def _begin(self, worlds: np.ndarray) -> None:
-        """Count anew in the ``worlds`` (n,) bool whose episodes begin."""
+    def _start(self, worlds: np.ndarray) -> None:
+        """Count anew in the ``worlds`` (n,) bool whose episodes start."""
         count, chosen = int(worlds.sum()), self._curriculum
         drawn = self._rng.integers(0, chosen.horizon + 1, count) if chosen.schedule == "random" else self.steps
-        self._left[worlds], self._begun[worlds], self._paid[worlds] = drawn, self.stage, 0.0
+        self._left[worlds], self._stages[worlds], self._paid[worlds] = drawn, self.stage, 0.0
 
-    def _begin_guide(self, worlds: np.ndarray) -> None:
-        """Let the guide begin in the ``worlds`` (n,) bool."""
+    def _start_guide(self, worlds: np.ndarray) -> None:
+        """Let the guide start in the ``worlds`` (n,) bool."""
         if not worlds.any():
             return
         if isinstance(self._guide, SeededPolicy):
@@ -124,7 +124,7 @@ class GuidedPilot:
         self._guide.reset(worlds)
 
     def snapshot(self) -> Snapshot:
-        arrays = {"left": self._left.copy(), "begun": self._begun.copy(), "paid": self._paid.copy()}
+        arrays = {"left": self._left.copy(), "stages": self._stages.copy(), "paid": self._paid.copy()}
         learner = under("learner", self._learner.snapshot().arrays)
         best = None if np.isinf(self._best) else self._best
         values = {"stage": self.stage, "flown": self.flown, "best": best, "returns": list(self._returns)}
@@ -133,7 +133,7 @@ class GuidedPilot:
     def restore(self, saved: Snapshot) -> None:
         """Go back, after the collector has: what the guide remembers is what it is shown once more."""
         arrays, values = saved.arrays, saved.values
-        self._left, self._begun, self._paid = (arrays[name].copy() for name in ("left", "begun", "paid"))
+        self._left, self._stages, self._paid = (arrays[name].copy() for name in ("left", "stages", "paid"))
         self._learner.restore(Snapshot(below("learner", arrays)))
         self.stage, self.flown, self._returns = values["stage"], values.get("flown", 0), list(values["returns"])
         self._best = -np.inf if values["best"] is None else values["best"]
@@ -147,7 +147,7 @@ class GuidedPilot:
         late = ages.max(initial=0) - ages
         obs = env.reset(now["seeds"])
         for step in range(int(ages.max(initial=0))):
-            self._begin_guide(late == step)
+            self._start_guide(late == step)
             self._guide.act(obs)
             obs = env.step(now["flown"][worlds, np.maximum(step - late, 0)], step >= late).obs
-        self._begin_guide(ages == 0)
+        self._start_guide(ages == 0)

@@ -7,31 +7,35 @@ from typing import Protocol
 
 import numpy as np
 
-from aerial_il.algorithms.on_policy.advantages import Judged, RewardNorm
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged, RewardNorm, gae
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
-from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.problem import check_steps, whole_turns
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
+from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.network import ChunkNetwork
 
 
-class Settings(Protocol):
-    """What the loop reads of an algorithm's settings."""
-
-    @property
-    def rollout(self) -> Rollout: ...
-    @property
-    def gamma(self) -> float: ...
-    @property
-    def gae_lambda(self) -> float: ...
-
-
 class Flown(Protocol):
-    """T steps of n worlds."""
+    """T steps of n worlds, (T, n, ...): see :class:`Decisions`."""
 
+    @property
+    def obs(self) -> np.ndarray: ...
+    @property
+    def next_obs(self) -> np.ndarray: ...
+    @property
+    def raw(self) -> np.ndarray: ...
+    @property
+    def decided(self) -> np.ndarray: ...
+    @property
+    def lasts_a_step(self) -> bool: ...
     @property
     def rewards(self) -> np.ndarray: ...
+    @property
+    def terminal(self) -> np.ndarray: ...
     @property
     def ended(self) -> np.ndarray: ...
 
@@ -73,20 +77,10 @@ class Flights[F: Flown](Protocol):
         """Take ``steps`` environment steps of all worlds together, or a few more."""
         ...
 
-    def judged(
-        self, rollout: F, rewards: np.ndarray, agent: Agent, settings: Settings, end_values: np.ndarray | float
-    ) -> Judged | None:
-        """Return the decisions of a rollout with their generalised advantages; None if there are too few to compare.
-
-        Args:
-            rewards: (T, n) of each step. end_values: (T, n) of what follows a terminal step; elsewhere of no effect.
-        """
-        ...
-
 
 def learn_on_policy[F: Flown](
     run: OnlineRun,
-    settings: Settings,
+    settings: Algorithm,
     flights: Flights[F],
     agent: Agent,
     actor: ChunkNetwork,
@@ -95,7 +89,7 @@ def learn_on_policy[F: Flown](
     rewarded: Callable[[F], tuple[np.ndarray, np.ndarray | float]] | None = None,
     gate: ReturnGate | None = None,
     hand_over: HandOver | None = None,
-    told: Callable[[F], Mapping[str, float]] | None = None,
+    more: Callable[[F], Mapping[str, float]] | None = None,
     parts: Mapping[str, Stateful] | None = None,
 ) -> None:
     """Fly and learn until no steps are left; the caller finishes the run.
@@ -106,7 +100,7 @@ def learn_on_policy[F: Flown](
         rewarded: gives the rewards (T, n) of a rollout, and the values after terminal steps; None for those of the
             environment, divided by the running deviation of returns, with nothing after an end.
         gate: gives up what flew worse than it began. hand_over: decides what is evaluated and saved.
-        told: further numbers of a rollout for the metrics. parts: what else changes, by name.
+        more: further numbers of a rollout for the metrics. parts: what else changes, by name.
     """
     reward_norm = RewardNorm(run.collector.n, settings.gamma)
 
@@ -115,17 +109,44 @@ def learn_on_policy[F: Flown](
 
     changing = {"agent": agent, **flights.parts, "gate": gate, "hand_over": hand_over, **(parts or {})}
     changing |= {} if rewarded else {"reward_norm": reward_norm}
-    run.begin(actor, {name: part for name, part in changing.items() if part is not None})
+    run.start(actor, {name: part for name, part in changing.items() if part is not None})
     flights.standardise()
     while run.goes_on():
         warming_up = flights.flown < warmup
         rollout = flights.collect(settings.rollout.steps)
         improve = gate.passes(rollout.rewards, rollout.ended, warming_up=warming_up) if gate else not warming_up
         rewards, end_values = (rewarded or scaled)(rollout)
-        run.log(told(rollout) if told else {})
-        if found := flights.judged(rollout, rewards, agent, settings, end_values):
+        run.log(more(rollout) if more else {})
+        if found := judged(rollout, rewards, end_values, agent, settings):
             run.log({**agent.learn(found, left=run.left, improve=improve), "critic/value": found.value})
             run.log({"actor/fallbacks": float(not (improve or warming_up))} if gate else {})
             run.log(hand_over.after_learning() if hand_over and improve else {})
         flights.standardise(rollout)
         run.end_turn()
+
+
+def judged(
+    rollout: Flown, rewards: np.ndarray, end_values: np.ndarray | float, agent: Agent, settings: Algorithm
+) -> Judged | None:
+    """Return the decisions of a rollout with their generalised advantages; None if there are too few to compare.
+
+    Args:
+        rewards: (T, n) of each step. end_values: (T, n) of what follows a terminal step; elsewhere of no effect.
+    """
+    made, values = rollout.decided, agent.values(rollout.obs)
+    if made.sum() < 2:
+        return None
+    after = np.where(rollout.terminal, end_values, agent.values(rollout.next_obs))
+    after = after if rollout.lasts_a_step else after.astype(float)  # discounted over steps, as precise as rewards
+    factors = {"gamma": settings.gamma, "gae_lambda": settings.gae_lambda}
+    advantages, closing = gae(rewards, values, after, rollout.ended, made, **factors)
+    steps, worlds = np.nonzero(made)
+    next_obs = rollout.next_obs[closing[steps, worlds], worlds]
+    columns = (rollout.obs[made], next_obs, rollout.raw[made], advantages[made], (advantages + values)[made])
+    data = Advantages(*(tensor(np.asarray(column, np.float32)) for column in columns))
+    return Judged(data, float(values[made].mean()))
+
+
+def check_rollout(settings: Algorithm, env: BatchEnv) -> None:
+    """Raise :class:`InvalidValueError` where the first rollout is the last one, which has no learning rate."""
+    check_steps(settings, "rollout.steps", whole_turns(settings.rollout.steps, env.num_envs))

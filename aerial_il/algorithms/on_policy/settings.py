@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive, require_share
+from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 
 

@@ -8,8 +8,6 @@ from typing import NamedTuple
 import numpy as np
 import torch
 
-from aerial_il.algorithms.on_policy.advantages import Judged, gae
-from aerial_il.algorithms.on_policy.loop import Agent, Settings
 from aerial_il.algorithms.online.interface import decode, encode, standardised
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.run import OnlineRun
@@ -41,6 +39,13 @@ class Steps(NamedTuple):
     def ended(self) -> np.ndarray:
         """(T, n) bool, the step was the last of its episode."""
         return self.terminal | self.truncated
+
+    lasts_a_step = True  # each decision
+
+    @property
+    def decided(self) -> np.ndarray:
+        """(T, n) bool, a decision starts with the step: always."""
+        return np.ones_like(self.terminal)
 
     def flat(self, name: str) -> np.ndarray:
         """Return one entry as (T * n, ...)."""
@@ -87,13 +92,3 @@ class StepFlights:
             after = encode(interface, step.next_frames)
             rows.append((frames, obs, after, actions, raw, step.rewards, step.terminal, step.truncated))
         return Steps(*(np.stack(values) for values in zip(*rows, strict=True)))
-
-    def judged(
-        self, rollout: Steps, rewards: np.ndarray, agent: Agent, settings: Settings, end_values: np.ndarray | float
-    ) -> Judged:
-        values = agent.values(rollout.obs)
-        after = np.where(rollout.terminal, end_values, agent.values(rollout.next_obs))
-        factors = {"gamma": settings.gamma, "gae_lambda": settings.gae_lambda}
-        found = gae(rewards, values, after, rollout.ended, **factors)
-        seen = (rollout.flat(name) for name in ("obs", "next_obs", "raw"))
-        return Judged.of(*seen, found.ravel(), (found + values).ravel(), value=float(values.mean()))

@@ -1,4 +1,4 @@
-"""The one base of algorithms that learn while they fly: it opens a run, and states no settings of its own."""
+"""The one base of algorithms that learn while they fly: what their settings mean, and how a run is opened."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from collections.abc import Iterable
 from dataclasses import fields
 from typing import Any, ClassVar
 
+from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.interface import check_policy
-from aerial_il.algorithms.online.problem import Problem
+from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun, open_run
+from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
-from aerial_il.algorithms.run.checks import (
+from aerial_il.core.checks import (
     require_choice,
     require_not_negative,
     require_positive,
@@ -27,20 +29,30 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
-POSITIVE = {"steps", "lr", "actor_every", "alpha", "threads"}
+POSITIVE = {
+    "steps", "lr", "critic_lr", "actor_every", "alpha", "clip", "clip_norm", "step_size", "cg_iterations",
+    "weight_limit", "threads",
+}  # fmt: skip
+NOT_NEGATIVE = {
+    "warmup", "offline_steps", "bc_pretrain_steps", "bc_weight", "target_kl", "kl", "gate", "cg_damping", "noise",
+    "target_noise", "noise_clip", "reward_patience",
+}  # fmt: skip
 
 
 class Algorithm(ABC):
     """What a workflow asks of an algorithm. Each states its settings itself; here is what names mean in all of them.
 
-    A group of settings that depends on others has ``check_in(algorithm)``, which is called when all are known.
+    What is impossible of them is refused here. A group of settings that depends on others has ``check_in(algorithm)``,
+    which is called when all are known.
 
     Attributes:
         steps: environment steps, of all worlds together.
         warmup: the first of those steps, flown at random, or by the prior, before the actor improves.
+        offline_steps: gradient steps on the dataset before the first flight.
         gamma: discount.
         lr: learning rate of all that is learned, at the start; it changes linearly.
         lr_floor: what is left of it at the end, as a share. Below 1 the final policy swings less.
+        critic_lr: the critic's learning rate, which stays.
         actor_every: how many of the critics' gradient steps for each one of the actor.
         alpha: temperature at the start: weight of the entropy beside the reward.
         entropy: target entropy for each action element.
@@ -48,7 +60,21 @@ class Algorithm(ABC):
         clip: how far from 1 the ratio of probabilities counts.
         clip_norm: largest norm of a gradient.
         target_kl: a pass of a mean KL divergence above 1.5 times this is the actor's last; 0 for no limit.
+        kl: weight of a decision's KL divergence from the clone; it falls linearly to zero.
+        gate: standard errors by which a rollout's episodes may return less than the clone's; a large number for any.
+        step_size: twice the KL divergence of a step of the actor, to second order.
+        cg_iterations: of conjugate gradients.
+        cg_damping: added to the Fisher information's diagonal.
         critic_hidden: widths of the critic.
+        noise: standard deviation of what is added to the actor's actions, which lie in [-1, 1], to explore.
+        noise_correlation: of that from one step to the next; 0 for independent noise.
+        target_noise: standard deviation of the noise on the target's actions.
+        noise_clip: how far these are moved at most.
+        subset: how many target critics Z the backup takes the minimum of.
+        weight_limit: what no weight exceeds.
+        bc_pretrain_steps: minibatches of behavioural cloning before the first flight.
+        bc_weight: weight of the actor's squared distance from demonstrated actions beside the critics' values.
+        demos_share: share of the demonstrations in each minibatch once it flies.
         reward: the ``environment``'s own, dense in the suite; or ``sparse``, 1 for success. With hindsight it is the
             environment's own rule for goals.
         reward_patience: environment steps after which a run stops whose rewards carry no information; 0 for never.
@@ -70,22 +96,57 @@ class Algorithm(ABC):
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
-    __dataclass_fields__: ClassVar[dict[str, Any]]  # each algorithm is a dataclass
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # an algorithm is one, and of what follows has what it states
 
     steps: int
+    warmup: int
+    offline_steps: int
+    gamma: float
+    lr: float
+    lr_floor: float
+    critic_lr: float
+    actor_every: int
+    alpha: float
+    entropy: float
+    gae_lambda: float
+    clip: float
+    clip_norm: float
+    target_kl: float
+    kl: float
+    gate: float
+    step_size: float
+    cg_iterations: int
+    cg_damping: float
+    critic_hidden: tuple[int, ...]
+    demos_share: float
+    bc_pretrain_steps: int
+    reward: Any  # where it comes from; in adversarial imitation how it is learned
+    reward_patience: int
+    prior: str | None
+    obs_norm: bool
+    replay: Any  # these four are groups of packages above this one: off_policy and on_policy
+    critics: Any
+    hindsight: Any
+    rollout: Any
+    demonstrations: Demonstrations
+    smoothness: Smoothness
     cadence: Cadence
+    subset: int
     threads: int
 
     def __post_init__(self) -> None:
         stated = {field.name for field in fields(self)}
-        require_positive(self, *sorted(stated & POSITIVE))
-        require_not_negative(self, *(stated & {"warmup", "reward_patience"}))
-        require_share(self, *(stated & {"gamma"}), below_one=True)
-        require_share(self, *(stated & {"lr_floor", "gae_lambda"}))
-        if "critic_hidden" in stated:
-            require_widths(self, "critic_hidden")
+        weights_entropy, has_buffer = stated & {"rollout"}, stated & {"replay"}
+        require_positive(self, *sorted(stated & POSITIVE), *(["warmup"] if has_buffer else []))
+        require_not_negative(self, *sorted(stated & NOT_NEGATIVE), *(stated & {"entropy"} if weights_entropy else ()))
+        require_share(self, *(stated & {"gamma", "noise_correlation"}), below_one=True)
+        require_share(self, *(stated & {"lr_floor", "gae_lambda", "demos_share"}))
+        for name in stated & {"critic_hidden", "hidden"}:
+            require_widths(self, name)
         if self.rewarded and "reward" in stated:
             require_choice(self, "reward", Source)
+        if "subset" in stated:
+            self.critics.check_subset(self.subset)
         for name in stated:
             if check := getattr(getattr(self, name), "check_in", None):
                 check(self)
@@ -120,7 +181,7 @@ class Algorithm(ABC):
                 ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
-        problem = self.problem(dataset, check_policy(policy, self.trains), env, seed)
+        problem = self.problem(Given(dataset, check_policy(policy, self.trains), env, seed))
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
             return self.learn(opened) if opened else load_policy(run)
 
@@ -130,7 +191,7 @@ class Algorithm(ABC):
         return self.cadence.evaluate_every
 
     @abstractmethod
-    def problem(self, dataset: Iterable[Episode] | None, policy: PolicySettings, env: BatchEnv, seed: int) -> Problem:
+    def problem(self, given: Given) -> Problem:
         """Return what is learned on: the environment's reward, demonstrations, a prior.
 
         Raises:

@@ -13,8 +13,8 @@ from aerial_il.algorithms.online.collector import RECENT, Collector, RewardSchem
 from aerial_il.algorithms.online.interface import Bounds, action_bounds, encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
-from aerial_il.algorithms.run.checks import require_choice, require_positive
 from aerial_il.algorithms.supervised.training_set import read_demos
+from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
@@ -139,7 +139,7 @@ def read_transitions(
         rewarded: whether rewards are learned from, and so belong to the record.
         failures: whether failed episodes count too.
         smoothness: what rough actions cost; None for nothing.
-        seed: decides where the counting begins.
+        seed: decides where the counting starts.
 
     Raises:
         InvalidValueError: see :func:`read_demos`; or there are fewer episodes than ``trajectories``.

@@ -17,7 +17,7 @@ from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
 Bounds = Literal["environment", "demonstrations"]
-MARGIN, NARROWEST = 1.1, 0.02  # of demonstrated ranges: room beyond them, and the least share of the environment's
+MARGIN, NARROWEST = 1.1, 0.02  # of demonstrated ranges: a margin beyond them, and the least share of the environment's
 NO_SCORES = (
     "The actions of {} are no scores of choices, each from 0 to 1: set policy.choices=bounds, or choose "
     "policy=squashed_gaussian and an algorithm that trains it."

@@ -1,25 +1,41 @@
-"""What a run learns on: the environment and its reward, demonstrations, or weights to start from."""
+"""What a run learns on: an environment and its reward, demonstrations of it, or weights to start from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from torch import Tensor
 
 from aerial_il.algorithms.online.collector import RewardScheme
-from aerial_il.algorithms.online.demonstrations import Transitions
+from aerial_il.algorithms.online.demonstrations import Transitions, check_same, random_transitions, read_transitions
+from aerial_il.algorithms.online.interface import fit_interface, plain_interface
+from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths, check_paid, with_rewards
+from aerial_il.algorithms.online.rewards import reward_scheme
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.policies.parts.layout import Interface
+from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import PolicySettings
+
+if TYPE_CHECKING:
+    from aerial_il.algorithms.online.algorithm import Algorithm
 
 TOO_SHORT = (
     "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
     "{}, or lower algorithm.{}."
 )
+
+
+class Given(NamedTuple):
+    """What an algorithm is handed to learn on; see :meth:`Algorithm.train`."""
+
+    dataset: Iterable[Episode] | None
+    policy: PolicySettings
+    env: BatchEnv
+    seed: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +71,53 @@ class Problem:
         return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned, **self.inputs}
 
 
-def check_steps(settings: Any, name: str, flown: int) -> None:
+def from_reward(settings: Algorithm, given: Given) -> Problem:
+    """Return a problem of the environment and its reward alone."""
+    interface = plain_interface(Layout.of(given.env.spec, given.policy), given.policy)
+    return Problem(settings.name, given.seed, given.policy, given.env, interface, scheme=reward_scheme(settings))
+
+
+def from_demonstrations(
+    settings: Algorithm, given: Given, *, scheme: RewardScheme | None = None, paid: bool = True
+) -> Problem:
+    """Return a problem of demonstrations to imitate, or that are rewarded as the learner is, if it is ``rewarded``.
+
+    In the control run ``random_actions`` flights at random take their place.
+
+    Args:
+        scheme: how steps are rewarded; None for the environment's reward.
+        paid: whether the rewards that were recorded, or success, have to say something.
+
+    Raises:
+        InvalidValueError: there are none, or fewer than asked for; they come from another environment; they carry no
+            reward that could be learned from, or are longer than episodes here.
+    """
+    which, episodes, env, scheme = settings.demonstrations, given.dataset or (), given.env, scheme or RewardScheme()
+    if settings.rewarded:
+        episodes = list(episodes)
+        check_lengths(episodes, env.spec)
+        if paid and which.control == "none":
+            check_paid(episodes, sparse=scheme.sparse)
+        episodes = [with_rewards(episode, scheme, env) for episode in episodes]
+    layout, demos, record = read_transitions(
+        episodes,
+        given.policy,
+        trajectories=which.trajectories,
+        subsample=which.subsample,
+        labels=which.labels,
+        rewarded=settings.rewarded,
+        failures=getattr(settings, "failures", False),
+        smoothness=scheme.smoothness,
+        seed=given.seed,
+    )
+    check_same(layout.spec, env.spec)
+    if which.control == "random_actions":
+        demos = random_transitions(env, layout, len(demos.frames), seed=given.seed, scheme=scheme)
+    interface = fit_interface(layout, demos.frames, demos.actions, policy=given.policy, bounds=which.bounds)
+    return Problem(settings.name, given.seed, given.policy, env, interface, demos, record, scheme)
+
+
+def check_steps(settings: Algorithm, name: str, flown: int) -> None:
     """Raise :class:`InvalidValueError` where a run ends with the steps ``flown`` that the setting ``name`` asks for."""
     if settings.steps <= flown:
         raise InvalidValueError(TOO_SHORT.format(settings.steps, name, attrgetter(name)(settings), flown, name))

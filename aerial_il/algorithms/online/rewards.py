@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 from aerial_il.algorithms.online.collector import RewardScheme
-from aerial_il.algorithms.online.smoothness import Smoothness
+
+if TYPE_CHECKING:
+    from aerial_il.algorithms.online.algorithm import Algorithm
 
 Source = Literal["environment", "sparse"]
-BEGIN = "an algorithm that begins with demonstrations (algorithm=bc_ppo dataset=PATH)"
+SHOWN = "an algorithm that starts with demonstrations (algorithm=bc_ppo dataset=PATH)"
 
 
-class Rewarded(Protocol):
-    """What decides how steps are rewarded."""
-
-    demonstrated: ClassVar[bool]
-
-    @property
-    def reward(self) -> Source: ...
-    @property
-    def reward_patience(self) -> int: ...
-    @property
-    def smoothness(self) -> Smoothness: ...
-
-
-def reward_scheme(settings: Rewarded, *further: str) -> RewardScheme:
-    """Return how steps are rewarded, with advice for where no reward comes: ways out that all have, and ``further``."""
-    sparse = settings.reward == "sparse"
-    ways = ["more demonstrations, or a better prior" if settings.demonstrated else BEGIN]
+def reward_scheme(settings: Algorithm) -> RewardScheme:
+    """Return how steps are rewarded, with advice for where no reward comes."""
+    sparse, hindsight = settings.reward == "sparse", getattr(settings, "hindsight", None)
+    ways = ["more demonstrations, or a better prior" if settings.demonstrated else SHOWN]
     ways += ["a dense reward (algorithm.reward=environment)"] if sparse else []
-    advice = f"Ways out: {'; '.join([*ways, *further])}."
+    if hindsight is not None and not hindsight.goals:
+        also = " algorithm.reward=environment" if sparse else ""
+        ways += [f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"]
+    advice = f"Ways out: {'; '.join(ways)}."
     return RewardScheme(sparse=sparse, smoothness=settings.smoothness, patience=settings.reward_patience, advice=advice)
 
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
-from typing import Any, ClassVar, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
@@ -16,9 +16,8 @@ import torch
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.demonstrations import Transitions
 from aerial_il.algorithms.online.problem import Problem
-from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
+from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
-from aerial_il.algorithms.run.judged_first import is_judged_first
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
@@ -30,6 +29,9 @@ from aerial_il.core.seeding import named_rng, torch_rng
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork
 
+if TYPE_CHECKING:
+    from aerial_il.algorithms.online.algorithm import Algorithm
+
 log = logging.getLogger(__name__)
 
 NOTHING_LEARNED = (
@@ -39,23 +41,10 @@ NOTHING_LEARNED = (
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
 
-class Settings(Protocol):
-    """What a run reads of its algorithm's settings, a dataclass."""
-
-    __dataclass_fields__: ClassVar[dict[str, Any]]
-
-    @property
-    def steps(self) -> int: ...
-    @property
-    def cadence(self) -> Cadence: ...
-    @property
-    def threads(self) -> int: ...
-
-
 class OnlineRun:
     """One run from its first step, or from its newest checkpoint, to its finished policy.
 
-    Use it as ``begin(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``; what is learned
+    Use it as ``start(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``; what is learned
     before the first flight stands between, in ``for _ in run.offline(steps): ...``.
 
     Attributes:
@@ -70,7 +59,7 @@ class OnlineRun:
         self,
         folder: RunFolder,
         signals: SignalWatch,
-        settings: Settings,
+        settings: Algorithm,
         problem: Problem,
         evaluate: Evaluate | None,
         progress: bool,
@@ -114,7 +103,7 @@ class OnlineRun:
         """Return a generator of its own for each ``purpose``."""
         return named_rng(self._problem.seed, self._problem.algorithm, purpose)
 
-    def begin(self, actor: ChunkNetwork, parts: Mapping[str, Stateful]) -> None:
+    def start(self, actor: ChunkNetwork, parts: Mapping[str, Stateful]) -> None:
         """Go on from the newest checkpoint, if there is one, with ``actor`` and all ``parts`` that change."""
         self._actor, self._parts = actor, {"collector": self.collector, "run": self, **parts}
         if self.folder.resumed:
@@ -132,7 +121,7 @@ class OnlineRun:
     def offline(self, steps: int) -> Iterator[None]:
         """Yield once for each of ``steps`` gradient steps before the first flight; they are saved on the way.
 
-        Metrics count them up to zero: the last one is step 0, where the flights begin.
+        Metrics count them up to zero: the last one is step 0, where the flights start.
         """
         hidden = not self._progress or self._offline >= steps
         name = f"learn {self._problem.algorithm} offline"
@@ -186,12 +175,8 @@ class OnlineRun:
         A run killed while it evaluates resumes just before.
         """
         step = self.collector.steps
-        if is_judged_first(self._settings, self._problem.inputs) and self._evaluate and step == self._offline == 0:
-            with self._signals.at_once(), torch.random.fork_rng():
-                self.folder.log(0, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), 0).items()})
-        if self._evaluate and (
-            self._done or self._due(self._settings.cadence.evaluate_every) if step else self._offline
-        ):
+        due_now = self._done or self._due(self._settings.cadence.evaluate_every) if step else self._flies_already
+        if self._evaluate and due_now:
             with self._signals.at_once(), torch.random.fork_rng():
                 self.folder.log(step, {f"evaluate/{k}": v for k, v in self._evaluate(self.policy(), step).items()})
         self._before, self._clock = step, time.perf_counter()
@@ -242,6 +227,12 @@ class OnlineRun:
             raise NoRewardError(step, self.collector.first_reward, self._problem.scheme.advice)
 
     @property
+    def _flies_already(self) -> bool:
+        """Whether the policy can do something before its first flight, and could lose it."""
+        cloned = getattr(self._settings, "bc_pretrain_steps", 0)
+        return "prior" in self._problem.inputs or bool(cloned or self._offline)
+
+    @property
     def _done(self) -> bool:
         return self.collector.steps >= self._settings.steps
 
@@ -262,7 +253,7 @@ class OnlineRun:
 
 @contextmanager
 def open_run(
-    settings: Settings,
+    settings: Algorithm,
     problem: Problem,
     run: str | os.PathLike[str],
     *,

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.run.checks import require_not_negative
+from aerial_il.core.checks import require_not_negative
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import ActionSpec
 from aerial_il.policies.parts.network import ChunkNetwork

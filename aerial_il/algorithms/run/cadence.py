@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from aerial_il.algorithms.run.checks import require_not_negative, require_positive
+from aerial_il.core.checks import require_not_negative, require_positive
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 Evaluate = Callable[[ChunkPolicy, int], Mapping[str, float]]  # (policy, step) -> named numbers

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
-START_AGAIN = "Put it back, begin again with resume=false, or choose another run=NAME."
+START_AGAIN = "Put it back, start again with resume=false, or choose another run=NAME."
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
@@ -189,8 +189,8 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
         before, now = _flat(_settings(path), cadence), _flat(parse_yaml(CONFIG, text), cadence)
         if old := [key for key in before if _has_moved(key, now)]:
             raise InvalidValueError(
-                f"{path} was begun by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
-                "policy can be flown; to train on, choose another run=NAME, or begin again with resume=false."
+                f"{path} was started by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
+                "policy can be flown; to train on, choose another run=NAME, or start again with resume=false."
             )
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)
@@ -201,7 +201,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
 
 
 def _dataset(path: Path) -> str | None:
-    """Return where the demonstrations of a run lay, if it was begun on the command line."""
+    """Return where the demonstrations of a run lay, if it was started on the command line."""
     try:
         found = read_json(path / COMMAND)["dataset"]["path"]
     except (OSError, ValueError, LookupError, TypeError):
@@ -210,7 +210,7 @@ def _dataset(path: Path) -> str | None:
 
 
 def _settings(path: Path) -> dict[str, Any]:
-    """Return the configuration that a run was begun with."""
+    """Return the configuration that a run was started with."""
     try:
         settings = read_yaml(path / CONFIG)
         if not isinstance(settings, dict):

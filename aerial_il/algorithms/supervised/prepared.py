@@ -68,5 +68,5 @@ def prepare(
     order = Shuffle(len(training), batch_size, seed=seed, weights=weights)
     found = len(demos.kept) + len(demos.held_out)
     data = {"demonstrations": found, "frames": len(training), "digest": digest_of(windows, weights)}
-    begun = {"initial": digest(Checkpoint(initial.to_checkpoint().arrays))} if initial else {}
-    return Prepared(policy, initial, layout, interface, training, held_out, order, {"dataset": data, **begun})
+    start = {"initial": digest(Checkpoint(initial.to_checkpoint().arrays))} if initial else {}
+    return Prepared(policy, initial, layout, interface, training, held_out, order, {"dataset": data, **start})

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
+from aerial_il.core.checks import require_choice
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
@@ -40,8 +41,7 @@ class Selection:
 
     def __post_init__(self) -> None:
         make_tuples(self)
-        if self.quality not in get_args(Quality):
-            raise InvalidValueError(f"Unknown quality {self.quality!r}. Valid: {', '.join(get_args(Quality))}.")
+        require_choice(self, "quality", Quality)
         if not 0 < self.keep <= 1:
             raise InvalidValueError(f"keep is {self.keep}; it must lie in (0, 1], the share that is kept.")
         for name in ("sharpness", "failures"):
@@ -57,7 +57,7 @@ class Selection:
         """Return the demonstrations that count, in their order, and the weight of each (E,).
 
         Args:
-            demos: to choose from. weights: of each, to begin with.
+            demos: to choose from. weights: of each, before that.
 
         Raises:
             InvalidValueError: there are not as many weights as demonstrations.

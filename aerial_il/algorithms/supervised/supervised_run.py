@@ -6,13 +6,13 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import Field, asdict
-from typing import Any, ClassVar, Protocol
+from dataclasses import asdict
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
+from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import pack, unpack
@@ -35,33 +35,10 @@ from aerial_il.policies.parts.vision import build_network
 SUCCESS = "success"
 
 
-class Settings(Protocol):
-    """What a run reads of the settings of its algorithm, a dataclass; :class:`BC` says what they mean."""
-
-    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
-
-    @property
-    def steps(self) -> int: ...
-    @property
-    def minutes(self) -> float | None: ...
-    @property
-    def validate_every(self) -> int: ...
-    @property
-    def best_by(self) -> str: ...
-    @property
-    def patience(self) -> int: ...
-    @property
-    def cadence(self) -> Cadence: ...
-    @property
-    def device(self) -> str: ...
-    @property
-    def threads(self) -> int: ...
-
-
 class SupervisedRun:
     """One run from its first step, or from its newest checkpoint, to its finished policy.
 
-    Use it as ``begin(learner)``, then ``while run.goes_on(): ... run.minibatch() ...; run.end_step(lr)``, then
+    Use it as ``start(learner)``, then ``while run.goes_on(): ... run.minibatch() ...; run.end_step(lr)``, then
     ``finish()``.
     """
 
@@ -69,7 +46,7 @@ class SupervisedRun:
         self,
         stack: ExitStack,
         folder: RunFolder,
-        settings: Settings,
+        settings: Any,
         data: Prepared,
         *,
         origin: dict[str, Any],
@@ -92,7 +69,7 @@ class SupervisedRun:
             network.load_state_dict(self._data.initial.network.state_dict())
         return network
 
-    def begin(self, learner: Learner) -> None:
+    def start(self, learner: Learner) -> None:
         """Go on with ``learner`` from the newest checkpoint, if there is one."""
         self._learner = learner
         if self._folder.resumed:
@@ -185,7 +162,7 @@ class SupervisedRun:
 
 @contextmanager
 def open_run(
-    settings: Settings,
+    settings: Any,
     data: Prepared,
     run: str | os.PathLike[str],
     *,
@@ -216,7 +193,7 @@ def open_run(
         yield SupervisedRun(stack, folder, settings, data, origin=origin, evaluate=evaluate, progress=progress)
 
 
-def _free(settings: Settings) -> tuple[str, ...]:
+def _free(settings: Any) -> tuple[str, ...]:
     """Return the settings that no weight depends on; with patience the rollouts decide where training ends."""
     return tuple(name for name in CADENCE if not (settings.patience and name == "evaluate_every"))
 

@@ -74,9 +74,9 @@ def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterat
         held += sum(episode.obs[name].nbytes for name in policy.images if name in episode.obs)
         to_come, free = held // number * (count - number), free_memory_bytes()
         if held and to_come > 0.9 * free:
-            size, room = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + free) / GIB:.1f} GiB"
+            size, limit = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + free) / GIB:.1f} GiB"
             raise InvalidValueError(
-                f"The images {', '.join(policy.images)} of {count} episodes take about {size} of memory; {room} are "
+                f"The images {', '.join(policy.images)} of {count} episodes take about {size} of memory; {limit} are "
                 "free. Train on fewer episodes (dataset.episodes=N), on fewer cameras (policy.images=[...]), or on "
                 "smaller images (aerial-il collect image_size=[64,64])."
             )

@@ -5,26 +5,9 @@ One vocabulary for environments, configurations and studies. ``docs/controllers.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from aerial_il.core import registry
-
-if TYPE_CHECKING:  # names are listed without importing a compiler
-    from aerial_il.control.controllers.law import Law
-
-
-def names() -> tuple[str, ...]:
-    """Names of all laws, in alphabetical order."""
-    return registry.names("controller")
-
-
-def get(name: str) -> type[Law]:
-    """Return the class of the law called ``name``.
-
-    Raises:
-        UnknownNameError: no law has that name.
-    """
-    return registry.get("controller", name)
 
 
 def address(name: str, own: Any) -> int:

@@ -88,7 +88,8 @@ def _raw(path: Path, name: str, spec: EnvSpec | None) -> Raw:
         group = child(path, file, name, h5py.Group)
         observed = dict(_observed(path, group))
         series = {name: child(path, group, name, h5py.Dataset) for name in SERIES}
-        require_size(path, group, [*series.values(), *(inner[key] for inner, key in observed.values())])
+        fields = [child(path, *place, h5py.Dataset) for place in observed.values()]
+        require_size(path, group, [*series.values(), *fields])
         obs = {name: _field(path, *place) for name, place in observed.items()}
         if spec is not None and len(obs) == len(spec.observation.names) == 1:
             obs = dict(zip(spec.observation.names, obs.values(), strict=True))
@@ -140,8 +141,8 @@ def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray | Later:
     """Return (T + 1, ...) numbers, or (T + 1, H, W, C) uint8 of an image."""
     texts = group[name].dtype.kind == "O"  # type: ignore[union-attr]
     values = np.zeros((0, 0), np.uint8) if texts else later(path, group, name)
-    jpeg = isinstance(values, np.ndarray) and values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2
-    if texts or (jpeg and (values[:, :3] == JPEG).all()):
+    packed = isinstance(values, np.ndarray) and values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2
+    if texts or (packed and (np.asarray(values)[:, :3] == JPEG).all()):
         hint = "Write images with jpeg_encoding=False."
         raise DemoError(path, f"has texts or images as JPEG in {group.name}/{name}, which are not read.", hint=hint)
     return values

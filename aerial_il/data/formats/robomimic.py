@@ -12,7 +12,7 @@ imitated.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -118,12 +118,13 @@ def _recorded(path: Path, name: str) -> Episode:
     with opened(path, f"holds a malformed demonstration {name!r}") as file:
         demo = _demo(path, file, name)
         private = child(path, demo, PRIVATE, h5py.Group)
+        spec = parse_json(private.attrs["spec"])
         kept: dict[str, Any] = {name: array(path, private, name) for name in EXTRA}
         episode = Episode(
             uid=str(demo.attrs["uid"]),
-            spec=EnvSpec.from_dict(parse_json(private.attrs["spec"])),
+            spec=EnvSpec.from_dict(spec),
             provenance=parse_json(private.attrs["provenance"]),
-            obs={name: _ended(path, demo, name, array(path, demo["obs"], name)) for name in demo["obs"]},
+            obs=_observed(path, demo, array),
             actions=array(path, demo, "actions"),
             rewards=array(path, demo, "rewards"),
             states=np.concatenate([array(path, demo, "states"), array(path, private, "final_state")[None]]),
@@ -131,7 +132,7 @@ def _recorded(path: Path, name: str) -> Episode:
             model_xml=str(demo.attrs["model_file"]),
             **kept,
         )
-        if DIGEST in private.attrs and private.attrs[DIGEST] != content_digest(episode):
+        if private.attrs.get(DIGEST) != content_digest(episode, spec):
             raise DemoError(path, f"was changed after it was written: the digest of {demo.name} differs.")
         return episode
 
@@ -139,10 +140,9 @@ def _recorded(path: Path, name: str) -> Episode:
 def _raw(path: Path, name: str) -> Raw:
     with opened(path, f"holds a malformed demonstration {name!r}") as file:
         demo = _demo(path, file, name)
-        obs = {name: later(path, demo["obs"], name) for name in demo["obs"]}
         ends = [array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo]
         return Raw(
-            obs={name: _ended(path, demo, name, values) for name, values in obs.items()},
+            obs=_observed(path, demo, later),
             actions=array(path, demo, "actions").astype(float),
             rewards=array(path, demo, "rewards") if "rewards" in demo else None,
             states=array(path, demo, "states") if "states" in demo else None,
@@ -155,19 +155,23 @@ def _demo(path: Path, file: h5py.File, name: str) -> h5py.Group:
     """Return a demonstration all of whose datasets together can be held."""
     demo = child(path, child(path, file, "data", h5py.Group), name, h5py.Group)
     inner = [child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
-    child(path, demo, "obs", h5py.Group)
     places = [*((demo, name) for name in COLUMNS if name in demo), *((g, str(name)) for g in inner for name in g)]
     require_size(path, demo, [child(path, *place, h5py.Dataset) for place in places])
     return demo
 
 
-def _ended(path: Path, demo: h5py.Group, name: str, values: np.ndarray | Later) -> np.ndarray | Later:
-    """Return (T, ...) observations with the one after the last action behind them, where the file has it."""
-    if "next_obs" not in demo:
-        return values
-    last = array(path, demo["next_obs"], name, last=True)
+def _observed(path: Path, demo: h5py.Group, read: Callable[[Path, h5py.Group, str], Any]) -> dict[str, Any]:
+    """Return (T + 1, ...) observations where the file has the one after the last action, else (T, ...)."""
+    obs: h5py.Group = child(path, demo, "obs", h5py.Group)
+    found = {str(name): read(path, obs, str(name)) for name in obs}
+    after: h5py.Group | None = child(path, demo, "next_obs", h5py.Group) if "next_obs" in demo else None
+    return found if after is None else {name: _ended(path, after, name, values) for name, values in found.items()}
+
+
+def _ended(path: Path, after: h5py.Group, name: str, values: np.ndarray | Later) -> np.ndarray | Later:
+    last = array(path, after, name, last=True)
     if last.shape[1:] != values.shape[1:]:
-        raise DemoError(path, f"has {name} of another shape in {demo.name}/next_obs.", got=last.shape[1:])
+        raise DemoError(path, f"has {name} of another shape in {after.name}.", got=last.shape[1:])
     if isinstance(values, Later):
         read = values.read
         return Later((values.shape[0] + 1, *values.shape[1:]), values.dtype, lambda: np.concatenate([read(), last]))

@@ -7,11 +7,11 @@ from dataclasses import replace
 from aerial_il.policies.parts.network import PolicySettings
 
 OWN_POSE = ("base_pos", "base_rot6d", "joint_*", "ee_*")
-DECISIONS = ("gripper", "wrist_force")  # what policies that clone are blind to unless they say otherwise
+DECISIONS = ("gripper", "wrist_force")  # what policies that clone do not see by default
 
 
 def egocentric[C: PolicySettings](config: C) -> C:
-    """Return ``config`` with everything seen, and poses predicted, in the tool's own frame, blind to the robot's pose.
+    """Return ``config`` with everything seen, and poses predicted, in the tool's own frame, but not the robot's pose.
 
     Demonstrations from few places show the robot's attitude, joints and place beside what they are there for. A network
     that sees them takes them for signs of how far the task is done.

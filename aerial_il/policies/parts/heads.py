@@ -1,17 +1,18 @@
-"""Ends of a network: what features are turned into, a chunk of actions or a distribution over chunks, and its loss."""
+"""Hidden layers of a perceptron, and ends of a network: chunks of actions, or distributions over them, with a loss."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Literal
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from aerial_il.policies.parts.network import masked_mean
+from aerial_il.policies.parts.network import ChunkNetwork, masked_mean
 
 Loss = Literal["l1", "l2", "huber"]
 DISTANCES: dict[str, Callable[..., Tensor]] = {
@@ -20,6 +21,16 @@ DISTANCES: dict[str, Callable[..., Tensor]] = {
     "huber": functional.smooth_l1_loss,
 }
 LOG_2PI = math.log(2 * math.pi)
+
+
+def hidden_layers(inputs: int, widths: tuple[int, ...], dropout: float = 0.0) -> list[nn.Sequential]:
+    """Return one block of Linear, LayerNorm, GELU and dropout for each of ``widths``."""
+    return [_layer(a, b, dropout) for a, b in pairwise((inputs, *widths))]
+
+
+def _layer(inputs: int, outputs: int, dropout: float) -> nn.Sequential:
+    parts: list[nn.Module] = [nn.Linear(inputs, outputs), nn.LayerNorm(outputs), nn.GELU()]
+    return nn.Sequential(*parts, *([nn.Dropout(dropout)] if dropout else []))
 
 
 class Head(nn.Module, ABC):
@@ -115,6 +126,25 @@ class MixtureHead(Head):
         raw = self.linear(features)
         logits, normal = raw[:, : self.modes], raw[:, self.modes :].unflatten(-1, (2, self.modes, *self.shape))
         return logits, normal[:, 0], functional.softplus(normal[:, 1]) + self.min_std
+
+
+class HeadedNetwork(ChunkNetwork):
+    """A body that makes features (B, F) of observations, and a head.
+
+    Args:
+        redraws: see :class:`ChunkNetwork`.
+    """
+
+    def __init__(self, body: nn.Module, head: Head, *, redraws: bool = False) -> None:
+        super().__init__()
+        self.body, self.head = body, head
+        self.noise_size, self.redraws = head.noise_size, redraws
+
+    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
+        return self.head(self.body(obs), noise)
+
+    def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
+        return self.head.loss(self.body(obs), actions, valid)
 
 
 def log_normal(x: Tensor, mean: Tensor, std: Tensor) -> Tensor:

@@ -24,7 +24,7 @@ TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
 class Layout:
     """The columns of a network's input, a frame (Do,), and which of them are positions relative to the anchor.
 
-    Nearly all that a manipulator does depends on where things are relative to its end effector. A network that is told
+    Nearly all that a manipulator does depends on where things are relative to its end effector. A network that sees
     so needs not learn it from the few places that the demonstrations visited.
 
     Attributes:
@@ -33,7 +33,7 @@ class Layout:
         anchor: the position field that other positions are relative to, or None.
         images: colour images that the network sees beside the columns.
         relative: whether vectors are seen, and actions are poses, in the end effector's own frame.
-        unseen: fields that others are counted from, which the network itself sees as zeros: blind to where it is, it
+        unseen: fields that others are counted from, which the network itself sees as zeros: not seeing where it is, it
             does alike everywhere.
     """
 
@@ -56,7 +56,7 @@ class Layout:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
                 raise UnknownNameError("colour image", name, recorded, hint)
         if not {*self.names} - {*self.unseen} and not self.images:
-            raise InvalidValueError("The policy is blind to every state field and sees no images. Name some in images.")
+            raise InvalidValueError("The policy sees neither a state field nor an image. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
             raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
         if self.relative:

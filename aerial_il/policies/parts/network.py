@@ -5,11 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
 
+from aerial_il.core.checks import require_choice, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.settings import make_tuples
 from aerial_il.policies.parts.normaliser import Scaling
@@ -153,18 +154,11 @@ class PolicySettings(ABC):
 
     def __post_init__(self) -> None:
         make_tuples(self)
-        if self.history < 1 or self.chunk < 1:
-            raise InvalidValueError(f"history is {self.history} and chunk {self.chunk}; both must be at least 1.")
+        require_positive(self, "history", "chunk", "obs_clip", "image_features", "crop")
+        require_share(self, "crop")
+        require_choice(self, "encoder", Encoder)
         if not 1 <= self.execute <= self.chunk:
             raise InvalidValueError(f"execute is {self.execute}; it must lie in [1, {self.chunk}], the chunk.")
-        if self.obs_clip <= 0:
-            raise InvalidValueError(f"obs_clip is {self.obs_clip}; it must be positive.")
-        if self.encoder not in get_args(Encoder):
-            raise InvalidValueError(f"Unknown encoder {self.encoder!r}. Valid: {', '.join(get_args(Encoder))}.")
-        if self.image_features < 1 or not 0 < self.crop <= 1:
-            raise InvalidValueError(
-                f"image_features is {self.image_features} and crop {self.crop}; they must be at least 1 and in (0, 1]."
-            )
 
     @property
     def name(self) -> str:

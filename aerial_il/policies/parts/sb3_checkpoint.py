@@ -27,7 +27,7 @@ ENDING = ".zip"
 ACTIVATIONS: Mapping[str, Callable[[], nn.Module]] = {
     name: getattr(nn, name) for name in ("Tanh", "ReLU", "ELU", "LeakyReLU", "SiLU", "GELU", "Sigmoid")
 }
-# what the weights of the acting network are called, in order -> usual activation, and whether tanh bounds its answer
+# what the weights of the acting network are called, in order -> default activation, and whether tanh bounds its answer
 KINDS = {
     ("mlp_extractor.policy_net", "action_net"): ("Tanh", False),  # PPO, A2C
     ("actor.latent_pi", "actor.mu"): ("ReLU", True),  # SAC; TD3 and DDPG have the second alone
@@ -141,8 +141,8 @@ def _network(layers: Sequence[tuple[Tensor, Tensor]], activation: Callable[[], n
     return nn.Sequential(*modules[:-1]).eval()
 
 
-def _activation(path: Path, saved: Mapping[str, Any], usual: str) -> Callable[[], nn.Module]:
-    said = str((saved.get("policy_kwargs") or {}).get("activation_fn", usual))
+def _activation(path: Path, saved: Mapping[str, Any], default: str) -> Callable[[], nn.Module]:
+    said = str((saved.get("policy_kwargs") or {}).get("activation_fn", default))
     name = _class_name(said)
     if name not in ACTIVATIONS:
         raise CheckpointError(

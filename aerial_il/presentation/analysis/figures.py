@@ -72,12 +72,11 @@ def learning_curves(runs: Runs) -> Figure:
         if not points:
             raise InvalidValueError(f"{label!r}: its runs share no rollouts on the way; train with evaluate_every=N.")
         for run in members if len(members) > 1 else ():
-            axes.plot(
-                [r.step for r in run.rollouts], [100 * r.rate for r in run.rollouts], color=hue, lw=0.8, alpha=0.5
-            )
+            each, rates = [r.step for r in run.rollouts], [100 * r.rate for r in run.rollouts]
+            axes.plot(each, rates, color=hue, lw=0.8, alpha=0.5)
         steps, means = [s for s, _, _ in points], np.array([100 * mean for _, mean, _ in points])
         lows, highs = (np.array([100 * interval[end] for _, _, interval in points if interval]) for end in (0, 1))
-        axes.plot(steps, means, color=hue, marker="o", label=f"{label} ({len(members)} run{'s'[: len(members) > 1]})")
+        axes.plot(steps, means, color=hue, marker="o", label=_counted(label, len(members)))
         axes.fill_between(steps, lows, highs, color=hue, alpha=0.15, lw=0)
     axes.set(ylim=(-2, 102), ylabel="success (%), band: 95 %", xlabel=unit_of(r for m in groups.values() for r in m))
     axes.legend()
@@ -109,7 +108,7 @@ def curves(runs: Runs, number: str = "episode/return", *, over: str = "step") ->
         if not len(grid):
             raise InvalidValueError(f"{label!r}: its runs logged {number!r} at no common stretch of {over!r}.")
         each = np.array([np.interp(grid, x, y) for x, y in drawn])
-        axes.plot(grid, each.mean(axis=0), color=hue, lw=2, label=f"{label} ({len(drawn)} run{'s'[: len(drawn) > 1]})")
+        axes.plot(grid, each.mean(axis=0), color=hue, lw=2, label=_counted(label, len(drawn)))
         axes.fill_between(grid, each.min(axis=0), each.max(axis=0), color=hue, alpha=0.15, lw=0)
     x_label = unit_of(r for members in groups.values() for r in members) if over == "step" else over
     axes.set(ylabel=number, xlabel=x_label)
@@ -155,28 +154,28 @@ def paired_comparison(a: Evaluation, b: Evaluation) -> Figure:
     Raises:
         InvalidValueError: they did not fly the same seeds of one robot, task and tier.
     """
-    found, total = compare(read(a), read(b)), len(read(a).episodes)
-    if not found.paired:
+    result, total = compare(read(a), read(b)), len(read(a).episodes)
+    if not result.paired:
         raise InvalidValueError("The two did not fly the same seeds in the same tier; evaluate both on the same seeds.")
-    only_a, only_b = len(found.only_a), len(found.only_b)
-    both = round(found.rate_a * total) - only_a
+    only_a, only_b = len(result.only_a), len(result.only_b)
+    both = round(result.rate_a * total) - only_a
     figure, (counts, difference) = _figures(2, height=2.6)
     kinds = {"both": both, "a alone": only_a, "b alone": only_b, "neither": total - both - only_a - only_b}
     bars = counts.barh(list(kinds), list(kinds.values()), color=(HUES[2], HUES[0], HUES[1], "0.6"))
     counts.bar_label(bars, padding=2)
-    counts.set(xlabel=f"of {total} seeds", title=f"a: {found.a}\nb: {found.b}", xlim=(0, 1.15 * total))
+    counts.set(xlabel=f"of {total} seeds", title=f"a: {result.a}\nb: {result.b}", xlim=(0, 1.15 * total))
     counts.invert_yaxis()
-    bar = 100 * np.array([[found.difference - found.ci95.lo], [found.ci95.hi - found.difference]])
-    difference.errorbar(100 * found.difference, 0, xerr=bar, fmt="o", capsize=4, color=HUES[6])
+    bar = 100 * np.array([[result.difference - result.ci95.lo], [result.ci95.hi - result.difference]])
+    difference.errorbar(100 * result.difference, 0, xerr=bar, fmt="o", capsize=4, color=HUES[6])
     difference.axvline(0, color="0.5", lw=1)
-    difference.set(xlabel="b - a, points of success, 95 %", yticks=[], title=f"p = {found.p_value:.2g} (McNemar)")
+    difference.set(xlabel="b - a, points of success, 95 %", yticks=[], title=f"p = {result.p_value:.2g} (McNemar)")
     return figure
 
 
 def _curve(run: TrainingRun, number: str, over: str) -> tuple[np.ndarray, np.ndarray]:
     """Return the values of ``over`` and of ``number`` in the rows of a run that have both."""
-    found = [(row[over], row[number]) for row in run.rows if number in row and over in row]
-    points = np.array(found, dtype=float).reshape(-1, 2)
+    points = [(row[over], row[number]) for row in run.rows if number in row and over in row]
+    points = np.array(points, dtype=float).reshape(-1, 2)
     points = points[np.isfinite(points).all(axis=1)]
     if not len(points):
         logged = ", ".join(sorted({name for row in run.rows for name in row})) or "nothing yet"
@@ -201,6 +200,10 @@ def _figures(columns: int, *, height: float) -> tuple[Figure, list[Axes]]:
     with mpl.rc_context(_style()):
         figure = _NotebookFigure(figsize=(6.4 if columns == 1 else 4.2 * columns, height), layout="constrained")
         return figure, [figure.add_subplot(1, columns, k + 1) for k in range(columns)]
+
+
+def _counted(label: str, runs: int) -> str:
+    return f"{label} ({runs} run{'s'[: runs > 1]})"
 
 
 def _hues(labels: Mapping[str, Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 
 import pandas as pd
@@ -34,7 +35,7 @@ def evaluation(evaluation: Evaluation) -> pd.DataFrame:
 
 
 def compare(a: Evaluation, b: Evaluation) -> pd.DataFrame:
-    """Return the means of two evaluations, one row per number, as ``aerial-il compare`` tells them.
+    """Return the means of two evaluations, one row per number, as ``aerial-il compare`` prints them.
 
     Returns:
         Index: ``success``, then the metrics. Columns: ``label``, ``unit``, ``a``, ``b``, ``difference`` (b - a) with
@@ -45,34 +46,14 @@ def compare(a: Evaluation, b: Evaluation) -> pd.DataFrame:
     Raises:
         InvalidValueError: robots or tasks differ.
     """
-    found = comparing.compare(read(a), read(b))
-    low, high = found.ci95
-    rows = {
-        "success": {
-            "label": "Success",
-            "unit": "",
-            "a": found.rate_a,
-            "b": found.rate_b,
-            "difference": found.difference,
-            "low": low,
-            "high": high,
-            "p_value": found.p_value,
-        }
-    }
-    for change in found.changes:
-        rows[change.key] = {
-            "label": change.label,
-            "unit": change.unit,
-            "a": change.mean_a,
-            "b": change.mean_b,
-            "difference": change.difference,
-            "low": change.ci95.lo,
-            "high": change.ci95.hi,
-            "p_value": change.p_value,
-            "p_adjusted": change.p_adjusted,
-        }
+    result = comparing.compare(read(a), read(b))
     columns = ["label", "unit", "a", "b", "difference", "low", "high", "p_value", "p_adjusted"]
-    frame = pd.DataFrame.from_dict(rows, orient="index").reindex(columns=columns)
-    frame.attrs = {"a": found.a, "b": found.b, "method": found.method, "paired": found.paired}
-    frame.attrs |= {"only_a": list(found.only_a), "only_b": list(found.only_b)}
+    success = ("Success", "", result.rate_a, result.rate_b, result.difference, *result.ci95, result.p_value, math.nan)
+    rows = {"success": success} | {
+        c.key: (c.label, c.unit, c.mean_a, c.mean_b, c.difference, *c.ci95, c.p_value, c.p_adjusted)
+        for c in result.changes
+    }
+    frame = pd.DataFrame.from_dict(rows, orient="index", columns=pd.Index(columns))
+    frame.attrs = {name: getattr(result, name) for name in ("a", "b", "method", "paired")}
+    frame.attrs |= {"only_a": list(result.only_a), "only_b": list(result.only_b)}
     return frame

@@ -32,10 +32,11 @@ def runs(folder: str | os.PathLike[str]) -> pd.DataFrame:
     Raises:
         InvalidValueError: there is no such folder.
     """
-    found = read_runs(folder)
-    for place, why in found.refused.items():
+    collection = read_runs(folder)
+    for place, why in collection.refused.items():
         warnings.warn(f"{place} is left out: {why}.", stacklevel=2)
-    return pd.DataFrame([{"run": found.name(run), **_row(run)} for run in found.runs], columns=pd.Index(COLUMNS))
+    rows = [{"run": collection.name(run), **_row(run)} for run in collection.runs]
+    return pd.DataFrame(rows, columns=pd.Index(COLUMNS))
 
 
 def metrics(run: str | os.PathLike[str]) -> pd.DataFrame:
@@ -75,8 +76,8 @@ def _row(run: TrainingRun) -> dict[str, Any]:
 def _where(run: TrainingRun) -> dict[str, Any]:
     """Return where a run's policy flies: as its configuration says, else its finished policy, else an evaluation."""
     judged = next(iter(run.judged.values()), None)
-    told = _part(run.config, "environment") or _spec(run) or (vars(judged) if judged else {})
-    robot, task, tier = (told.get(key) for key in ("robot", "task", "tier"))
+    place = _part(run.config, "environment") or _spec(run) or (vars(judged) if judged else {})
+    robot, task, tier = (place.get(key) for key in ("robot", "task", "tier"))
     outside = robot in ("gymnasium", "dm_env")
     named = f"{robot}:{task}" if outside else "suite" if robot else None
     return {"environment": named, "robot": robot, "task": task, "tier": tier}
@@ -85,10 +86,10 @@ def _where(run: TrainingRun) -> dict[str, Any]:
 def _spec(run: TrainingRun) -> Mapping[str, Any]:
     """Return the environment's specification that lies with the finished policy; empty where it cannot be read."""
     try:
-        told = read_yaml(run.path / FINAL / CONFIG)
+        config = read_yaml(run.path / FINAL / CONFIG)
     except (OSError, ValueError):
         return {}
-    return _part(told, "spec") if isinstance(told, Mapping) else {}
+    return _part(config, "spec") if isinstance(config, Mapping) else {}
 
 
 def _part(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import inspect
 
+from aerial_il.presentation.markdown import table
+
 FRONT = "aerial_il"
 SHOWN = {  # module -> what a reader finds there; everything else is read in its file
     FRONT: "what scripts call; stays from version to version",
@@ -27,8 +29,8 @@ All other modules explain themselves in their files: [architecture](../architect
 
 def pages() -> dict[str, str]:
     """Return path on the site -> text: a page for each module, and a list of them."""
-    rows = [f"| [`{name}`]({name}.rst) | {what} |" for name, what in SHOWN.items()]
-    index = "\n".join([INTRODUCTION, "", "| module | |", "|---|---|", *rows, ""])
+    rows = [(f"[`{name}`]({name}.rst)", what) for name, what in SHOWN.items()]
+    index = f"{INTRODUCTION}\n\n{table(('module', ''), rows)}\n"
     return {"python/index.md": index, **{f"python/{name}.rst": _page(name) for name in SHOWN}}
 
 
@@ -38,12 +40,10 @@ def public_names() -> set[str]:
 
 
 def _documented(module: str) -> list[str]:
-    found = vars(importlib.import_module(module))
-    return [
-        name
-        for name, value in found.items()
-        if name[0] != "_" and getattr(value, "__module__", "") == module and inspect.getdoc(value)
-    ]
+    def own(value: object) -> bool:
+        return getattr(value, "__module__", "") == module and bool(inspect.getdoc(value))
+
+    return [name for name, value in vars(importlib.import_module(module)).items() if name[0] != "_" and own(value)]
 
 
 def _page(module: str) -> str:

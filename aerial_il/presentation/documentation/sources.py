@@ -44,7 +44,7 @@ def assemble(folder: Path, generated: Mapping[str, str | bytes], root: Path = RO
     Raises:
         NoSourcesError: ``root`` holds no pages, as where the package was installed from a wheel.
     """
-    places = dict(found(root))
+    places = dict(site_files(root))
     led = {**places, FRONT: START}
     contents = dict(generated)
     for source, place in places.items():
@@ -79,7 +79,7 @@ def _remove_others(folder: Path, contents: Mapping[str, object]) -> None:
                 file.unlink()
 
 
-def found(root: Path = ROOT) -> Iterator[tuple[str, str]]:
+def site_files(root: Path = ROOT) -> Iterator[tuple[str, str]]:
     """Yield each page and picture of the repository, and where on the site it goes."""
     if not (root / "docs" / START).exists():
         raise NoSourcesError(
@@ -141,10 +141,8 @@ def _name(file: Path, root: Path) -> str:
 
 def _titles(contents: Mapping[str, str | bytes]) -> dict[str, str]:
     """Return page -> its first heading."""
-    found = {
-        name: HEADING.search(str(text)) for name, text in sorted(contents.items()) if _is_page(PurePosixPath(name))
-    }
-    return {name: heading[1] if heading else "" for name, heading in found.items()}
+    pages = [(name, str(text)) for name, text in sorted(contents.items()) if _is_page(PurePosixPath(name))]
+    return {name: heading[1] if (heading := HEADING.search(text)) else "" for name, text in pages}
 
 
 def _write(file: Path, content: bytes) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec, levels_of
 from aerial_il.core.specs import ActionSpec, Field
+from aerial_il.presentation.markdown import table
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks
 from aerial_il.suite.sensors import robot_fields
@@ -21,11 +22,11 @@ explains the levels and the frames."""
 
 def pages() -> dict[str, str]:
     """Return path on the site -> text: one page for each robot, and a table of sizes."""
-    found = {name: robots.get(name) for name in robots.names()}
+    every = {name: robots.get(name) for name in robots.names()}
     levels = [level.label for level in ActionLevel]
-    rows = [(f"[{name}]({name}.md)", *_sizes(robot)) for name, robot in found.items()]
-    index = f"{INTRODUCTION}\n\n{_table(('robot', 'observation', *map(_code, levels)), rows)}\n"
-    return {"spaces/index.md": index, **{f"spaces/{name}.md": page(robot) for name, robot in found.items()}}
+    rows = [(f"[{name}]({name}.md)", *_sizes(robot)) for name, robot in every.items()]
+    index = f"{INTRODUCTION}\n\n{table(('robot', 'observation', *map(_code, levels)), rows)}\n"
+    return {"spaces/index.md": index, **{f"spaces/{name}.md": page(robot) for name, robot in every.items()}}
 
 
 def page(robot: Robot) -> str:
@@ -43,7 +44,7 @@ def _observation(fields: Sequence[Field]) -> str:
         (_code(f.name), str(f.shape), f.unit or "–", f.frame or "–", f.meaning, f.noise, ", ".join(f.labels))
         for f in fields
     ]
-    return _table(("field", "shape", "unit", "frame", "what", "noise", "elements"), rows)
+    return table(("field", "shape", "unit", "frame", "what", "noise", "elements"), rows)
 
 
 def _task_note(robot: Robot) -> str:
@@ -57,7 +58,7 @@ def _bounds(spec: ActionSpec) -> str:
         (str(i), _code(label), unit if unit not in ("", "1") else "–", f"{low:.4g}", f"{high:.4g}")
         for i, (label, unit, low, high) in enumerate(zip(spec.labels, spec.units, spec.low, spec.high, strict=True))
     ]
-    return _table(("", "element", "unit", "from", "to"), rows)
+    return table(("", "element", "unit", "from", "to"), rows)
 
 
 def _sizes(robot: Robot) -> list[str]:
@@ -68,8 +69,3 @@ def _sizes(robot: Robot) -> list[str]:
 
 def _code(text: str) -> str:
     return f"`{text}`"
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    head = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    return "\n".join([*head, *(f"| {' | '.join(row)} |" for row in rows)])

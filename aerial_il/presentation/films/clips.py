@@ -1,6 +1,6 @@
 """Pictures of a flight for the gallery: a film of its most eventful seconds, a poster, and what the cameras see.
 
-Films are named after their content: made once, found again as long as scene and flight stay the same bit for bit.
+Films are named after their content: made once, used again as long as scene and flight stay the same bit for bit.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class FlightClips:
     """Files on disk that show a flight.
 
     Attributes:
-        film: MP4. poster: JPEG of the moment that tells most. portrait: JPEG of the robot alone.
+        film: MP4. poster: JPEG of the moment that shows most. portrait: JPEG of the robot alone.
         stills: camera -> JPEG of what it sees at that moment.
     """
 
@@ -67,7 +67,7 @@ def make_clips(episode: Episode, subtasks: np.ndarray, folder: Path) -> FlightCl
     """
     part = excerpt(subtasks, episode.spec.control_dt_s)
     stem = f"{episode.spec.robot}-{episode.spec.task}-"
-    name = stem + _digest(episode, part)
+    name = stem + digest_of(episode, part)
     with SceneRenderer(episode.model_xml) as scene:
         clips = FlightClips(
             film=folder / f"{name}.mp4",
@@ -126,7 +126,8 @@ def _save(path: Path, picture: np.ndarray) -> None:
     write_atomic(path, jpeg(picture))
 
 
-def _digest(episode: Episode, part: Excerpt) -> str:
+def digest_of(episode: Episode, part: Excerpt) -> str:
+    """Return what the names of a flight's files end in: equal for equal pictures."""
     content = hashlib.sha256(f"{RECIPE} {part} {episode.model_xml}".encode())
     content.update(np.ascontiguousarray(episode.states).tobytes())
     return content.hexdigest()[:12]

@@ -75,7 +75,7 @@ def write_reel(
 
     Args:
         path: an MP4 file. episodes: with their states; :func:`shares` divides the time among them.
-        look: sizes; None for the usual ones. progress: show a progress bar.
+        look: sizes; None for the defaults. progress: show a progress bar.
 
     Raises:
         InvalidValueError: there is less than a second for each flight.
@@ -154,18 +154,18 @@ def camera_path(scene: SceneRenderer, episode: Episode, steps: np.ndarray, aspec
     aside = round(AHEAD_S / dt)
     turn = np.interp(keys, [steps[0], steps[-1]], [-0.5 * SWEEP_DEG, 0.5 * SWEEP_DEG])
     height = np.interp(keys, [steps[0], steps[-1]], [HIGH_DEG, LOW_DEG])
-    found = []
+    views = []
     for key, azimuth, elevation in zip(keys, turn, height, strict=True):
         window = episode.states[np.clip([key - aside, key, key + aside], steps[0], steps[-1])]
         view = scene.frame(window, aspect, turn_deg=float(azimuth), elevation_deg=float(elevation))
-        found.append([*view.centre, view.distance, view.azimuth_deg, view.elevation_deg])
-    smooth = _eased(np.array(found), keys * dt)
+        views.append([*view.centre, view.distance, view.azimuth_deg, view.elevation_deg])
+    smooth = _eased(np.array(views), keys * dt)
     at = np.stack([np.interp(steps, keys, column) for column in smooth.T], axis=1)
     return [Viewpoint((x, y, z), distance, azimuth, elevation) for x, y, z, distance, azimuth, elevation in at.tolist()]
 
 
 def _eased(values: np.ndarray, at_s: np.ndarray) -> np.ndarray:
-    """Return (K, C) values that were found at ``at_s`` (K,), smoothed over time."""
+    """Return (K, C) values taken at ``at_s`` (K,), smoothed over time."""
     weight = np.exp(-0.5 * np.square((at_s[:, None] - at_s) / EASE_S))
     return weight @ values / weight.sum(axis=1, keepdims=True)
 

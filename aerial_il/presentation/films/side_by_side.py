@@ -103,7 +103,7 @@ def write_side_by_side(
 
     Args:
         path: a WebP file. episodes: recordings with their states, ``look.abreast`` to a round.
-        look: sizes; None for the usual ones. progress: show a progress bar.
+        look: sizes; None for the defaults. progress: show a progress bar.
 
     Raises:
         InvalidValueError: the flights fill no whole rounds, or ``path`` is no WebP file.

@@ -37,7 +37,7 @@ FPS = 25
 HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
 LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
-FRAMED_STATES = 12  # of a recording, from which the viewpoint is found that holds the whole flight
+FRAMED_STATES = 12  # of a recording, by which the viewpoint is chosen that holds the whole flight
 JPEG_QUALITY = 85
 VIEW_SIZE = (396, 528)  # height, width of one camera view
 
@@ -152,7 +152,7 @@ def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: st
     """Fly again and yield what there is to say whenever a picture is due."""
     assert flight.actions is not None
     length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
-    for step, info in enumerate(_fly_again(env, episode.seed, flight.actions)):
+    for step, info in enumerate(fly_again(env, episode.seed, flight.actions)):
         done |= info["subtasks"][0]
         last = step == length - 1
         if step % stride and not last:
@@ -183,7 +183,7 @@ def _in_the_studio(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[
             yield compose(pictures, caption)
 
 
-def _fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
+def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
     """Step world 0 through recorded actions (T, Da) from its seed; yield the step infos."""
     only_first = np.arange(env.num_envs) == 0
     env.reset(np.full(env.num_envs, seed), only_first)

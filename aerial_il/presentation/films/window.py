@@ -72,7 +72,7 @@ def _run(model: mujoco.MjModel, data: mujoco.MjData, moments: Iterator[bool], dt
     """Step through ``moments``, each of which updates ``data`` and says whether a flight ends there, in real time."""
     import mujoco.viewer
 
-    _require_window()
+    require_window()
     before = set(threading.enumerate())
     try:
         viewer = mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
@@ -100,7 +100,7 @@ def _awaited(threads: Iterable[threading.Thread]) -> Iterator[None]:
             thread.join(CLOSING_S)
 
 
-def _require_window() -> None:
+def require_window() -> None:
     """Open and close a hidden window: where that fails, MuJoCo's own would end the process without a word."""
     import glfw
 

@@ -49,40 +49,29 @@ def _distribution(metric: Metric, episodes: Sequence[EpisodeRecord]) -> Figure |
 
 def paths(result: EvaluationResult) -> list[Figure]:
     """Draw the end effector's paths from above and from the side; empty where none was observed."""
-    flights = [(e, flight) for e in result.episodes if (flight := _drawn(result, e)) is not None]
+    flights = [(e, result.flights[e.seed]) for e in result.episodes if e.seed in result.flights]
+    flights = [(episode, flight) for episode, flight in flights if len(flight.ee_path) > 1]
     chosen = [pair for won in (True, False) for pair in [p for p in flights if p[0].success is won][:MOST_PATHS]]
     if not chosen:
         return []
     left_out = len(flights) - len(chosen)
     note = f"The first {MOST_PATHS} of each outcome; {left_out} more are not drawn." if left_out else ""
-    views = (
-        ("End effector from above", 0, 1, "x (m)", "y (m)"),
-        ("End effector from the side", 0, 2, "x (m)", "z (m)"),
-    )
+    views = (("End effector from above", "y", 1), ("End effector from the side", "z", 2))
     return [_path_view(*view, chosen, note) for view in views]
 
 
-def _drawn(result: EvaluationResult, episode: EpisodeRecord) -> Flight | None:
-    flight = result.flights.get(episode.seed)
-    return flight if flight is not None and len(flight.ee_path) > 1 else None
-
-
-def _path_view(
-    title: str, u: int, v: int, x_label: str, y_label: str, chosen: list[tuple[EpisodeRecord, Flight]], note: str
-) -> Figure:
+def _path_view(title: str, axis: str, v: int, chosen: list[tuple[EpisodeRecord, Flight]], note: str) -> Figure:
+    """Draw paths over x, upwards the column ``v`` of theirs, which is called ``axis``."""
     points = np.concatenate([flight.ee_path for _, flight in chosen])
-    x, y = (_padded(points[:, k]) for k in (u, v))
-    alt = (
-        f"{title}: {len(chosen)} paths within x {x[0]:.2f} to {x[1]:.2f} m and {y_label[0]} {y[0]:.2f} to {y[1]:.2f} m"
-    )
+    x, y = (_padded(points[:, k]) for k in (0, v))
+    alt = f"{title}: {len(chosen)} paths within x {x[0]:.2f} to {x[1]:.2f} m and {axis} {y[0]:.2f} to {y[1]:.2f} m"
     height = equal_height(x, y, width=WIDE)
-    plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, width=WIDE, height=height)
+    plot = Plot(x=x, y=y, x_label="x (m)", y_label=f"{axis} (m)", alt=alt, width=WIDE, height=height)
     for episode, flight in chosen:
-        kind = "good" if episode.success else "bad"
-        path = flight.ee_path
-        plot.line(path[:, u], path[:, v], f"path {kind}", title=f"seed {episode.seed}: {episode.end}")
-        mark = plot.dot if episode.success else plot.cross
-        mark(path[-1, u], path[-1, v], f"end {kind}", title=f"seed {episode.seed}: {episode.end}")
+        kind, mark = ("good", plot.dot) if episode.success else ("bad", plot.cross)
+        path, called = flight.ee_path, f"seed {episode.seed}: {episode.end}"
+        plot.line(path[:, 0], path[:, v], f"path {kind}", title=called)
+        mark(path[-1, 0], path[-1, v], f"end {kind}", title=called)
     return Figure(title, plot.svg(), note)
 
 
@@ -130,17 +119,9 @@ def learning_curve(points: Sequence[LearningPoint]) -> Figure:
     numbers = [float(p.demonstrations) for p in ordered]
     rates = [p.result.success["rate"] for p in ordered]
     said = ", ".join(f"{100 * r:.0f} % at {n:g}" for n, r in zip(numbers, rates, strict=True))
-    plot = Plot(
-        x=(numbers[0], numbers[-1]),
-        y=(0.0, 1.0),
-        x_label="demonstrations",
-        y_label="",
-        alt=f"Success over demonstrations: {said}",
-        width=WIDE,
-        log_x=True,
-        x_ticks=numbers,
-        percent=True,
-    )
+    x, alt = (numbers[0], numbers[-1]), f"Success over demonstrations: {said}"
+    look = {"width": WIDE, "log_x": True, "x_ticks": numbers, "percent": True}
+    plot = Plot(x=x, y=(0.0, 1.0), x_label="demonstrations", y_label="", alt=alt, **look)
     plot.line(numbers, rates, "curve")
     for number, point in zip(numbers, ordered, strict=True):
         lo, hi = point.result.success["ci95"]

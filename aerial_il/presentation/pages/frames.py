@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import io
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-from aerial_il.presentation.pages.robot_pages import STYLE, draw_arms, draw_body
+from aerial_il.presentation.pages.robot_pages import draw_arms, draw_body
+from aerial_il.presentation.svg import TEXT_STYLE, svg_text
 from aerial_il.robots import figures
 from aerial_il.robots.robot import Robot
 
@@ -22,7 +22,7 @@ LENGTH = 0.14  # m, of an axis
 
 def drawing(robot: Robot) -> str:
     """Return the side view of a robot with the frames of the world, its base and its tool, as SVG."""
-    with rc_context(STYLE):
+    with rc_context(TEXT_STYLE):
         figure = Figure((7.0, 3.8), layout="constrained")
         axes = figure.subplots()
         draw_body(axes, robot, 2)
@@ -37,9 +37,7 @@ def drawing(robot: Robot) -> str:
         axes.set_aspect("equal")
         axes.margins(0.12)
         axes.axis("off")
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"
+        return svg_text(figure)
 
 
 def _frame(axes: Axes, origin: np.ndarray, ahead: np.ndarray, name: str) -> None:

@@ -5,7 +5,6 @@ Everything is read from the registries. Films lie beside the page, in ``<page>_c
 
 from __future__ import annotations
 
-import io
 import logging
 import os
 import shutil
@@ -28,6 +27,7 @@ from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.clips import FlightClips, make_clips
 from aerial_il.presentation.films.overlay import font
+from aerial_il.presentation.films.video import png
 from aerial_il.presentation.pages.charts import tick_label
 from aerial_il.presentation.pages.page import data_uri, words, write_page
 from aerial_il.suite import tasks
@@ -181,7 +181,7 @@ def write_sheet(path: str | os.PathLike[str], gallery: Gallery) -> Path:
         sheet.paste(picture, (x + 2, y + 2))
         place, ink = (x + width // 2, y + height + SHEET_LABEL // 2 - 2), SHEET_INKS[card.kind]
         draw.text(place, card.name, font=font(14), fill=ink, anchor="mm")
-    return _save_png(Path(path), sheet)
+    return write_atomic(Path(path), png(np.asarray(sheet)))
 
 
 def copy_films(gallery: Gallery, folder: Path) -> list[Path]:
@@ -217,9 +217,3 @@ def _spec(level: ActionLevel, robot: str) -> ActionSpec | None:
         return action_spec(level, robots.get(robot).vehicle)
     except AerialError:
         return None
-
-
-def _save_png(path: Path, picture: Image.Image) -> Path:
-    buffer = io.BytesIO()
-    picture.save(buffer, "PNG", optimize=True)
-    return write_atomic(path, buffer.getvalue())

@@ -1,4 +1,4 @@
-"""One HTML file that tells what an evaluation found: nothing in it lies outside it, so it opens offline."""
+"""One HTML file with the result of an evaluation: nothing in it lies outside it, so it opens offline."""
 
 from __future__ import annotations
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import io
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aerial_il import robots
 from aerial_il.control.actions import action_spec, levels_of
 from aerial_il.core.files import write_atomic
+from aerial_il.presentation.markdown import table
+from aerial_il.presentation.svg import TEXT_STYLE, svg_text
 from aerial_il.robots import figures
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks
@@ -23,12 +24,6 @@ REACH, BODY, ARM = "#9fc0e6", "#4a4f57", "#d98032"
 ARM_CAPTION = "*Side view and top view. Blue: workspace of the tool; orange: rest postures of the arm.*"
 ACTUATION = {"under": "underactuated", "full": "fully actuated", "fixed": "fixed base"}
 CELLS_PER_REACH = 20  # squares of the drawn workspace along the outstretched arm
-STYLE: dict[Any, Any] = {
-    "svg.hashsalt": "aerial_il",
-    "svg.fonttype": "none",
-    "font.size": 9,
-    "font.family": "sans-serif",
-}
 NOTE = """\
 Computed by `aerial-il docs` from the nominal model that the controller uses. Ideal hover power follows from momentum
 theory, `T^(3/2) / sqrt(2 ρ A)` per rotor (Leishman, *Principles of Helicopter Aerodynamics*, 2006, eq. 2.15), with
@@ -41,25 +36,22 @@ def write_pages(folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``robots/NAME.md`` and ``NAME.svg`` of every robot, and ``robots/README.md``, into ``folder``."""
     place, written = Path(folder) / "robots", []
     place.mkdir(parents=True, exist_ok=True)
-    found = [robots.get(name) for name in robots.names()]
-    for robot in found:
-        texts = {"md": page(robot), "svg": drawing(robot)}
-        for suffix, text in texts.items():
-            written.append(write_atomic(place / f"{robot.name}.{suffix}", text))
-    return [*written, write_atomic(place / "README.md", overview(found))]
+    every = [robots.get(name) for name in robots.names()]
+    for robot in every:
+        for suffix, write in (("md", page), ("svg", drawing)):
+            written.append(write_atomic(place / f"{robot.name}.{suffix}", write(robot)))
+    return [*written, write_atomic(place / "README.md", overview(every))]
 
 
-def overview(found: list[Robot]) -> str:
+def overview(every: list[Robot]) -> str:
     """Return the table of all robots."""
     columns = ("robot", "actuation", "mass (kg)", "thrust / weight", "joints", "reach (m)", "tasks")
-    head = f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|"
     rows = [
-        f"| [{r.name}]({r.name}.md) | {ACTUATION[r.actuation]} | {r.vehicle.mass:.2f} "
-        f"| {_or_none(r.vehicle.thrust_to_weight)} "
-        f"| {r.num_joints} | {_or_none(r.arm.reach)} | {len(_tasks(r))} |"
-        for r in found
-    ]
-    return "\n".join(["# Robots", "", head, *rows, "", NOTE, ""])
+        (f"[{r.name}]({r.name}.md)", ACTUATION[r.actuation], f"{r.vehicle.mass:.2f}",
+         _or_none(r.vehicle.thrust_to_weight), r.num_joints, _or_none(r.arm.reach), len(_tasks(r)))
+        for r in every
+    ]  # fmt: skip
+    return f"# Robots\n\n{table(columns, rows)}\n\n{NOTE}\n"
 
 
 def page(robot: Robot) -> str:
@@ -89,7 +81,7 @@ def drawing(robot: Robot) -> str:
     from matplotlib.figure import Figure
 
     _, tools = figures.workspace(robot) if robot.num_joints else (None, np.zeros((1, 3)))
-    with rc_context(STYLE):
+    with rc_context(TEXT_STYLE):
         figure = Figure((8.0, 4.0), layout="constrained")
         for axes, (across, up), label in zip(figure.subplots(1, 2), ((0, 2), (0, 1)), ("z (m)", "y (m)"), strict=True):
             if robot.num_joints:
@@ -101,9 +93,7 @@ def drawing(robot: Robot) -> str:
             axes.set_ylabel(label)
             axes.set_aspect("equal")
             axes.spines[["top", "right"]].set_visible(False)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"
+        return svg_text(figure)
 
 
 def _properties(robot: Robot) -> str:
@@ -129,27 +119,25 @@ def _properties(robot: Robot) -> str:
     if robot.num_joints:
         loads = ", ".join(f"{100 * load:.0f}" for load in figures.servo_loads(robot))
         rows["largest static servo load"] = f"{loads} % of the torque limit of each joint"
-    return "\n".join(["| | |", "|---|---|", *(f"| {name} | {value} |" for name, value in rows.items())])
+    return table(("", ""), rows.items())
 
 
 def _balance(robot: Robot) -> str:
     """Centre of mass and thrusts for each posture."""
-    found = figures.stances(robot)
+    stances = figures.stances(robot)
     columns = ("posture", "tool x, z (m)", "centre of mass x, z (cm)", "shift (cm)", "rotor thrusts (N)")
-    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    for stance in found:
-        shift = 100.0 * float(np.linalg.norm(stance.com - found[0].com))
+    rows = []
+    for stance in stances:
+        shift = 100.0 * float(np.linalg.norm(stance.com - stances[0].com))
         thrusts = " ".join(f"{value:.1f}" for value in stance.thrust) or "–"
-        lines.append(
-            f"| {stance.name} | {stance.tool[0]:.2f}, {stance.tool[2]:.2f} | {100 * stance.com[0]:.1f}, "
-            f"{100 * stance.com[2]:.1f} | {shift:.1f} | {thrusts} |"
-        )
-    return "\n".join(lines)
+        tool, com = (f"{stance.tool[k]:.2f}" for k in (0, 2)), (f"{100 * stance.com[k]:.1f}" for k in (0, 2))
+        rows.append((stance.name, ", ".join(tool), ", ".join(com), f"{shift:.1f}", thrusts))
+    return table(columns, rows)
 
 
 def _levels(robot: Robot) -> str:
-    rows = [(level.label, action_spec(level, robot.vehicle).size) for level in levels_of(robot.vehicle)]
-    return "\n".join(["| level | elements |", "|---|---|", *(f"| `{label}` | {size} |" for label, size in rows)])
+    rows = [(f"`{level.label}`", action_spec(level, robot.vehicle).size) for level in levels_of(robot.vehicle)]
+    return table(("level", "elements"), rows)
 
 
 def _tasks(robot: Robot) -> list[str]:

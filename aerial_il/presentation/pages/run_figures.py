@@ -44,7 +44,7 @@ def success(run: TrainingRun) -> Figure | None:
     steps, rates = [float(r.step) for r in rollouts], [r.rate for r in rollouts]
     last, word = rollouts[-1], run.unit.split()[-1]
     alt = f"Success in rollouts over {last.step} {run.unit}s; at the end {100 * last.rate:.0f} %"
-    plot = _success_axes(steps[-1], run.unit, alt)
+    plot = _wide(steps[-1], (0.0, 1.0), run.unit, alt, percent=True)
     plot.line(steps, rates, "curve")
     for step, point in zip(steps, rollouts, strict=True):
         plot.whisker(step, *point.ci95, "whisker")
@@ -62,21 +62,25 @@ def mean_reward(run: TrainingRun) -> Figure | None:
     steps, rewards = [float(step) for step, _ in run.rewards], [reward for _, reward in run.rewards]
     said = f"the last is {tick_label(rewards[-1])}"
     alt = f"Mean reward in rollouts over {steps[-1]:g} {run.unit}s; {said}"
-    plot = _reward_axes(steps[-1], rewards, run.unit, alt)
+    plot = _wide(steps[-1], _range(rewards), run.unit, alt)
     plot.line(steps, rewards, "curve")
     for step, reward in zip(steps, rewards, strict=True):
         plot.dot(step, reward, "knot", radius=3.5, title=f"{run.unit.split()[-1]} {step:g}: {tick_label(reward)}")
     return Figure(REWARD_TITLE, plot.svg(), f"What a control step was paid, on average; {said}.")
 
 
-def _success_axes(last_step: float, unit: str, alt: str) -> Plot:
-    x, y = (0.0, last_step), (0.0, 1.0)
-    return Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, width=2 * WIDE, height=TALL, percent=True)
+def _wide(
+    last_step: float, y: tuple[float, float], unit: str, alt: str, *, percent: bool = False, log_y: bool = False
+) -> Plot:
+    """Return the axes of a chart over training that stands alone."""
+    x, width = (0.0, last_step), 2 * WIDE
+    return Plot(
+        x=x, y=y, x_label=unit, y_label="", alt=alt, width=width, height=TALL, percent=percent, log_y=log_y
+    )  # fmt: skip
 
 
-def _reward_axes(last_step: float, rewards: Sequence[float], unit: str, alt: str) -> Plot:
-    x, y = (0.0, last_step), (min(0.0, *rewards), max(0.0, *rewards))
-    return Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, width=2 * WIDE, height=TALL)
+def _range(rewards: Sequence[float]) -> tuple[float, float]:
+    return min(0.0, *rewards), max(0.0, *rewards)
 
 
 def unit_of(runs: Iterable[TrainingRun]) -> str:
@@ -89,11 +93,10 @@ def losses(runs: Groups) -> Figure | None:
     lines: list[tuple[str, str, Curve]] = []
     for hue, (label, members) in enumerate(runs.items()):
         for run in members:
-            found = {curve.name: curve for curve in curves_of(run.rows)}
-            names = LOSSES if len(runs) == 1 else LOSSES[:1]
-            for k, name in enumerate(names):
-                if name in found:
-                    lines.append((f"trace hue{(hue + k) % 8}", f"{label}: {name}", found[name]))
+            logged_curves = {curve.name: curve for curve in curves_of(run.rows)}
+            for k, name in enumerate(LOSSES if len(runs) == 1 else LOSSES[:1]):
+                if name in logged_curves:
+                    lines.append((f"trace hue{(hue + k) % 8}", f"{label}: {name}", logged_curves[name]))
     if not lines:
         return None
     every = np.concatenate([curve.values for _, _, curve in lines])
@@ -101,12 +104,11 @@ def losses(runs: Groups) -> Figure | None:
     last = max(float(curve.steps[-1]) for _, _, curve in lines)
     log = low > 0 and high > 5 * low
     said = "; ".join(f"{title} ends at {tick_label(float(curve.values[-1]))}" for _, title, curve in lines)
-    x, y = (0.0, last), (low if log else 0.0, high)
-    label = unit_of(run for members in runs.values() for run in members if run.rows)
-    plot = Plot(x=x, y=y, x_label=label, y_label="", alt=said, width=2 * WIDE, height=TALL, log_y=log)
+    label = unit_of(run for run in _all(runs) if run.rows)
+    plot = _wide(last, (low if log else 0.0, high), label, said, log_y=log)
     for kind, title, curve in lines:
         plot.line(curve.steps, curve.values, kind, title=title)
-    return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss tells: only rollouts do.")
+    return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss shows: only rollouts do.")
 
 
 def others(run: TrainingRun) -> dict[str, list[Figure]]:
@@ -159,9 +161,8 @@ def rewarded(uid: str, lines: Mapping[str, np.ndarray]) -> Figure:
     """Draw a learned reward along the demonstration ``uid``, a line (T,) for each way in which it was flown."""
     every = np.concatenate(list(lines.values()))
     said = ", ".join(f"{label} {tick_label(float(values.mean()))}" for label, values in lines.items())
-    x, y = (0.0, float(max(map(len, lines.values())) - 1)), (float(every.min()), float(every.max()))
-    alt = f"Learned reward along {uid}; mean {said}"
-    plot = Plot(x=x, y=y, x_label="control step", y_label="", alt=alt, width=2 * WIDE, height=TALL)
+    last, y = float(max(map(len, lines.values())) - 1), (float(every.min()), float(every.max()))
+    plot = _wide(last, y, "control step", f"Learned reward along {uid}; mean {said}")
     for hue, (label, values) in enumerate(lines.items()):
         plot.line(np.arange(len(values)), values, f"trace hue{hue % 8}", title=label)
     return Figure(uid, plot.svg(), f"Mean: {said}.")
@@ -175,11 +176,10 @@ def success_of_groups(groups: Groups) -> Figure | None:
     each = {run: [(r.step, r.rate) for r in run.rollouts] for run in _all(groups) if run.rollouts}
     if not each:
         return None
-    means = {label: mean_success([run for run in runs if run in each]) for label, runs in groups.items()}
-    ends = ", ".join(f"{label} {100 * points[-1][1]:.0f} %" for label, points in means.items() if points)
+    means, ends = _means(groups, each, mean_success, _as_percent)
     alt = f"Success over training, mean over seeds: {ends} at the end"
-    plot = _success_axes(_last(each), unit_of(each), alt)
-    _draw_groups(plot, groups, each, means, lambda rate: f"{100 * rate:.0f} %")
+    plot = _wide(_last(each), (0.0, 1.0), unit_of(each), alt, percent=True)
+    _draw_groups(plot, groups, each, means, _as_percent)
     note = "Thick: mean over training seeds; thin: each of them. Bars: 95 % intervals, resampling seeds and episodes."
     return Figure(SUCCESS_TITLE, plot.svg(), note)
 
@@ -192,15 +192,13 @@ def reward_of_groups(groups: Groups) -> Figure | None:
     each = {run: run.rewards for run in _all(groups) if run.rewards}
     if not each:
         return None
-    means = {label: mean_rewards([run for run in runs if run in each]) for label, runs in groups.items()}
-    ends = ", ".join(f"{label} {tick_label(points[-1][1])}" for label, points in means.items() if points)
+    means, ends = _means(groups, each, mean_rewards, tick_label)
     alt = f"Mean reward over training, mean over seeds: {ends} at the end"
-    plot = _reward_axes(_last(each), [reward for points in each.values() for _, reward in points], unit_of(each), alt)
+    plot = _wide(_last(each), _range([reward for points in each.values() for _, reward in points]), unit_of(each), alt)
     _draw_groups(plot, groups, each, means, tick_label)
     note = "What a control step was paid, on average. Thick: mean over training seeds; thin: each of them. "
-    return Figure(
-        REWARD_TITLE, plot.svg(), note + "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
-    )
+    note += "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
+    return Figure(REWARD_TITLE, plot.svg(), note)
 
 
 def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
@@ -224,6 +222,18 @@ def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
             plot.dot(place, rate, "knot", radius=2.5, title=f"{axis}={value}: {100 * rate:.0f} %")
     plot.line([place for place, _ in means], [mean for _, mean in means], "curve", title="mean")
     return Figure(axis, plot.svg(), "; ".join(f"{k}: {values[k - 1]}, mean {100 * mean:.0f} %" for k, mean in means))
+
+
+def _means(
+    groups: Groups, each: Each, mean: Callable[[Sequence[TrainingRun]], list[Mean]], written: Callable[[float], str]
+) -> tuple[dict[str, list[Mean]], str]:
+    """Return the means over each group's seeds, and the last of each in words."""
+    means = {label: mean([run for run in runs if run in each]) for label, runs in groups.items()}
+    return means, ", ".join(f"{label} {written(points[-1][1])}" for label, points in means.items() if points)
+
+
+def _as_percent(rate: float) -> str:
+    return f"{100 * rate:.0f} %"
 
 
 def _all(groups: Groups) -> list[TrainingRun]:

@@ -97,18 +97,17 @@ def write_runs_report(
 
 def grouped(runs: Sequence[TrainingRun]) -> dict[str, list[TrainingRun]]:
     """Group runs by all settings but the seed; a group is labelled by the settings in which the groups differ."""
-    found: list[tuple[dict[str, Any], list[TrainingRun]]] = []
+    groups: list[list[TrainingRun]] = []
     for run in runs:
-        members = next((members for settings, members in found if settings == run.settings), None)
-        if members is None:
-            found.append((run.settings, [run]))
-        else:
-            members.append(run)
-    keys = sorted({key for settings, _ in found for key in settings})
-    differing = [k for k in keys if any(settings.get(k) != found[0][0].get(k) for settings, _ in found)]
-    labels = [_label(settings, differing) or members[0].policy for settings, members in found]
+        alike = next((members for members in groups if members[0].settings == run.settings), None)
+        groups.append(alike := []) if alike is None else None
+        alike.append(run)
+    each = [members[0].settings for members in groups]
+    keys = sorted({key for settings in each for key in settings})
+    differing = [key for key in keys if any(settings.get(key) != each[0].get(key) for settings in each)]
+    labels = [_label(settings, differing) or members[0].policy for settings, members in zip(each, groups, strict=True)]
     distinct = labels if len(set(labels)) == len(labels) else [f"{k + 1}: {label}" for k, label in enumerate(labels)]
-    return {label: members for label, (_, members) in zip(distinct, found, strict=True)}
+    return dict(zip(distinct, groups, strict=True))
 
 
 def _label(settings: Mapping[str, Any], differing: Sequence[str]) -> str:

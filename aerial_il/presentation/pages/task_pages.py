@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Sequence
 from pathlib import Path
 
 from aerial_il import experts, robots
 from aerial_il.core.files import write_atomic
 from aerial_il.core.specs import Field
+from aerial_il.presentation.markdown import table
 from aerial_il.suite import tasks
 from aerial_il.suite.tasks.task import Task
 
@@ -29,15 +29,15 @@ def write_pages(folder: str | os.PathLike[str]) -> list[Path]:
     """Write ``tasks/NAME.md`` of every task, and ``tasks/README.md``, into ``folder``."""
     place = Path(folder) / "tasks"
     place.mkdir(parents=True, exist_ok=True)
-    found = [tasks.get(name) for name in tasks.names()]
-    written = [write_atomic(place / f"{task.name}.md", page(task)) for task in found]
-    return [*written, write_atomic(place / "README.md", overview(found))]
+    every = [tasks.get(name) for name in tasks.names()]
+    written = [write_atomic(place / f"{task.name}.md", page(task)) for task in every]
+    return [*written, write_atomic(place / "README.md", overview(every))]
 
 
-def overview(found: list[Task]) -> str:
+def overview(every: list[Task]) -> str:
     """Return the table of all tasks."""
-    rows = [(f"[{t.name}]({t.name}.md)", t.grade, t.instruction, f"{t.time_limit_s:g}", len(_able(t))) for t in found]
-    return f"# Tasks\n\n{_table(('task', 'grade', 'instruction', 'time limit (s)', 'robots'), rows)}\n\n{NOTE}\n"
+    rows = [(f"[{t.name}]({t.name}.md)", t.grade, t.instruction, f"{t.time_limit_s:g}", len(_able(t))) for t in every]
+    return f"# Tasks\n\n{table(('task', 'grade', 'instruction', 'time limit (s)', 'robots'), rows)}\n\n{NOTE}\n"
 
 
 def page(task: Task) -> str:
@@ -49,9 +49,9 @@ def page(task: Task) -> str:
         f"> {task.instruction}",
         f"[![{task.name}]({task.name}.jpg)]({task.name}.mp4)\n\n*Click for the video: a scripted expert in calm air.*",
         _text_of(type(task)),
-        _table(("", ""), _facts(task)),
+        table(("", ""), _facts(task)),
         "## Observations of the task",
-        _table(columns, fields) if fields else "Nothing beyond the state of the robot.",
+        table(columns, fields) if fields else "Nothing beyond the state of the robot.",
         "## Fields that no real robot can measure",
         _privileges(task),
         "## Expert",
@@ -84,7 +84,7 @@ def _privileges(task: Task) -> str:
     rows = [(f"`{name}`", reason) for name, reason in task.privileged]
     commanded = ", ".join(f"`{name}`" for name in task.commanded)
     parts = [
-        _table(("field", "why"), rows) if rows else "None: a robot could estimate every field.",
+        table(("field", "why"), rows) if rows else "None: a robot could estimate every field.",
         f"Given by the user rather than seen, and exact in every tier: {commanded}." if commanded else "",
         EXACTNESS,
     ]
@@ -108,8 +108,3 @@ def _able(task: Task) -> list[str]:
 def _text_of(thing: type) -> str:
     """A class's docstring as Markdown."""
     return (inspect.getdoc(thing) or "").replace("``", "`")
-
-
-def _table(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
-    head = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    return "\n".join([*head, *(f"| {' | '.join(map(str, row))} |" for row in rows)])

@@ -47,7 +47,7 @@ class TracePlot:
 
 def trace_plots(episode: Episode) -> list[TracePlot]:
     """Return what the recording can show: position, distances, speed, attitude, arm, task, rotors, reward."""
-    found = [
+    plots = [
         _position(episode),
         _distances(episode),
         _speed(episode),
@@ -58,7 +58,7 @@ def trace_plots(episode: Episode) -> list[TracePlot]:
         _rotors(episode),
         TracePlot("Reward", "", (Series("reward", _after(episode.rewards), 0),), (0.0, 1.0)),
     ]
-    return [one for one in found if one is not None and one.series]
+    return [one for one in plots if one is not None and one.series]
 
 
 def _position(episode: Episode) -> TracePlot | None:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from aerial_il.presentation.rerun import palette
 from aerial_il.presentation.rerun.clock import SIM_TIME
 from aerial_il.presentation.rerun.flight import Flight
 from aerial_il.presentation.rerun.geometry import plain
-from aerial_il.presentation.rerun.scene import eye
+from aerial_il.presentation.rerun.scene import scene_view
 from aerial_il.presentation.rerun.signals import groups_of
 
 ALONE = ("reward", "forces/contact", "wind")  # plots of one curve, which is named by its tab
@@ -24,20 +23,16 @@ def blueprint(flights: dict[str, Flight], timeline: str = SIM_TIME) -> rrb.Bluep
     Args:
         flights: root -> flight, as they were logged. timeline: that is shown first.
     """
-    left = rrb.Horizontal(*(_scene_and_states(root, flight) for root, flight in flights.items()))
+    left = rrb.Horizontal(*(_left(root, flight) for root, flight in flights.items()))
     column = _right(flights)
     right = rrb.Vertical(*column.values(), row_shares=[ROWS[name] for name in column])
     shares = [1.5, 1] if len(flights) == 1 else [2.2, 1]
-    panels = (
-        rrb.TopPanel(state="collapsed"),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-    )
+    panels = (panel(state="collapsed") for panel in (rrb.TopPanel, rrb.BlueprintPanel, rrb.SelectionPanel))
     time = rrb.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
     return rrb.Blueprint(rrb.Horizontal(left, right, column_shares=shares), *panels, time, auto_views=False)
 
 
-def _scene_and_states(root: str, flight: Flight) -> rrb.Vertical:
+def _left(root: str, flight: Flight) -> rrb.Vertical:
     lanes = rrb.StateTimelineView(origin=f"/{root}states", name=f"{root}states")
     return rrb.Vertical(_scene(root, flight), lanes, row_shares=[3, 1.4])
 
@@ -46,28 +41,23 @@ def _scene(root: str, flight: Flight) -> rrb.Container | rrb.View:
     name = root.rstrip("/") or f"{flight.episode.spec.task} on {flight.episode.spec.robot}"
     if flight.motion is None:
         return rrb.TextDocumentView(origin=f"/{root}about", name=name)
-    position, target = eye(flight.motion)
-    view = rrb.Spatial3DView(
-        origin=f"/{root}scene",
-        name=name,
-        background=palette.BACKGROUND,
-        line_grid=False,
-        eye_controls=rrb.EyeControls3D(position=position, look_target=target),
+    return rrb.Tabs(
+        scene_view(f"/{root}scene", flight.motion, name), rrb.TextDocumentView(origin=f"/{root}about", name="about")
     )
-    return rrb.Tabs(view, rrb.TextDocumentView(origin=f"/{root}about", name="about"))
 
 
 def _right(flights: dict[str, Flight]) -> dict[str, rrb.Container | rrb.View]:
     """Return the column of pictures and curves, by name."""
-    found: dict[str, rrb.Container | rrb.View] = {}
+    column: dict[str, rrb.Container | rrb.View] = {}
     if pictures := _pictures(flights):
-        found["pictures"] = rrb.Horizontal(*pictures)
-    found["action"] = _actions(flights)
-    found["observation"] = _tabs(flights, "observation", _fields(flights))
+        column["pictures"] = rrb.Horizontal(*pictures)
+    column["action"] = _actions(flights)
+    fields = [_curves(flights, f"observation/{plain(name)}", name) for name in _fields(flights)]
+    column["observation"] = rrb.Tabs(*fields, name="observation")
     if forces := _forces(flights):
-        found["forces"] = rrb.Tabs(*forces)
-    found["reward"] = _curves(flights, "reward", "reward")
-    return found
+        column["forces"] = rrb.Tabs(*forces)
+    column["reward"] = _curves(flights, "reward", "reward")
+    return column
 
 
 def _pictures(flights: dict[str, Flight]) -> list[rrb.View]:
@@ -90,10 +80,6 @@ def _fields(flights: dict[str, Flight]) -> Sequence[str]:
     spec = next(iter(flights.values())).episode.spec
     fields = [field.name for field in spec.observation.fields if field.group != "image"]
     return sorted(fields, key=lambda name: not name.startswith("joint_pos"))
-
-
-def _tabs(flights: dict[str, Flight], group: str, names: Sequence[str]) -> rrb.Tabs:
-    return rrb.Tabs(*(_curves(flights, f"{group}/{plain(name)}", name) for name in names), name=group)
 
 
 def _forces(flights: dict[str, Flight]) -> list[rrb.View]:

@@ -11,8 +11,8 @@ import rerun as rr
 from PIL import Image
 
 from aerial_il.data.episode import Episode
-from aerial_il.presentation.rerun.clock import Clock
-from aerial_il.presentation.rerun.motion import Motion
+from aerial_il.presentation.rerun.log import Log
+from aerial_il.presentation.rerun.motion import Motion, recorded_cameras
 from aerial_il.presentation.rerun.scene import xyzw
 
 JPEG_QUALITY = 85
@@ -20,55 +20,42 @@ FRUSTUM_M = 0.08  # from the camera to its picture in the scene
 UNITS_PER_METRE = 1000.0  # of recorded depth: millimetres
 
 
-def log_cameras(stream: rr.RecordingStream, root: str, episode: Episode, motion: Motion, clock: Clock) -> list[str]:
-    """Log every camera whose pictures were recorded; return their entities."""
-    found = []
-    for name in (field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs):
-        index = mujoco.mj_name2id(motion.model, mujoco.mjtObj.mjOBJ_CAMERA, name.rpartition("_")[0])
-        if index >= 0:
-            entity = f"{root}/cameras/{name}"
-            _log_frustum(stream, entity, motion, index, episode.obs[name].shape[1:3], clock)
-            log_pictures(stream, entity, episode.obs[name], clock)
-            found.append(entity)
-    return found
+def log_cameras(log: Log, episode: Episode, motion: Motion) -> None:
+    """Log every camera whose pictures were recorded."""
+    for field, camera, focal in recorded_cameras(episode, motion.model):
+        _log_frustum(log, f"cameras/{field}", motion, camera, focal, episode.obs[field].shape[1:3])
+        log_pictures(log, f"cameras/{field}", episode.obs[field])
 
 
-def _log_frustum(
-    stream: rr.RecordingStream, entity: str, motion: Motion, camera: int, size: tuple[int, ...], clock: Clock
-) -> None:
+def _log_frustum(log: Log, entity: str, motion: Motion, camera: int, focal: float, size: tuple[int, ...]) -> None:
     height, width = size
     view = rr.Pinhole(
-        focal_length=0.5 * height / float(np.tan(0.5 * np.deg2rad(motion.model.cam_fovy[camera]))),
+        focal_length=focal,
         width=width,
         height=height,
         camera_xyz=rr.ViewCoordinates.RUB,  # MuJoCo's cameras look along -z
         image_plane_distance=FRUSTUM_M,
     )
-    stream.log(entity, view, static=True)
+    log.static(entity, view)
     poses = motion.camera_pos[:, camera], motion.camera_mat[:, camera]
     if not np.ptp(poses[0], axis=0).any() and not np.ptp(poses[1], axis=0).any():
-        stream.log(entity, rr.Transform3D(translation=poses[0][0], mat3x3=poses[1][0]), static=True)
+        log.static(entity, rr.Transform3D(translation=poses[0][0], mat3x3=poses[1][0]))
         return
     quats = np.zeros((len(motion), 4))
     for quat, mat in zip(quats, poses[1].reshape(-1, 9), strict=True):
         mujoco.mju_mat2Quat(quat, mat)
-    columns = rr.Transform3D.columns(translation=poses[0], quaternion=xyzw(quats))
-    stream.send_columns(entity, clock.columns(), columns)
+    log.send(entity, rr.Transform3D.columns(translation=poses[0], quaternion=xyzw(quats)))
 
 
-def log_pictures(stream: rr.RecordingStream, entity: str, pictures: np.ndarray, clock: Clock) -> None:
+def log_pictures(log: Log, entity: str, pictures: np.ndarray) -> None:
     """Log pictures (N, H, W[, 3]): colours (uint8) as JPEG, depth (floats) in mm and segmentation by id as PNG."""
     is_colour, is_depth = pictures.dtype == np.uint8, pictures.dtype.kind == "f"
     encoded = _jpeg if is_colour else partial(_png, scale=UNITS_PER_METRE) if is_depth else partial(_png, shift=1)
     blobs = [encoded(picture) for picture in pictures]
-    if is_colour:
-        media = ["image/jpeg"] * len(blobs)
-        stream.send_columns(entity, clock.columns(), rr.EncodedImage.columns(blob=blobs, media_type=media))
-    else:
-        look = rr.EncodedDepthImage.from_fields(meter=UNITS_PER_METRE)
-        stream.log(entity, look, static=True)
-        media = ["image/png"] * len(blobs)
-        stream.send_columns(entity, clock.columns(), rr.EncodedDepthImage.columns(blob=blobs, media_type=media))
+    kind, media = (rr.EncodedImage, "image/jpeg") if is_colour else (rr.EncodedDepthImage, "image/png")
+    if not is_colour:
+        log.static(entity, rr.EncodedDepthImage.from_fields(meter=UNITS_PER_METRE))
+    log.send(entity, kind.columns(blob=blobs, media_type=[media] * len(blobs)))
 
 
 def _jpeg(picture: np.ndarray) -> bytes:

@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from aerial_il.presentation.rerun import palette
-from aerial_il.presentation.rerun.clock import Clock
+from aerial_il.presentation.rerun.log import Log
 
 RADIUS_M = 0.005
 
@@ -25,9 +25,8 @@ class Chunks:
     starts: np.ndarray
 
 
-def log_chunks(stream: rr.RecordingStream, root: str, chunks: Chunks, columns: list[int], clock: Clock) -> None:
+def log_chunks(log: Log, chunks: Chunks, columns: list[int]) -> None:
     """Log each chunk of tool positions, the elements ``columns``, as a path that is seen while the chunk lasts."""
-    entity = f"{root}/predicted"
-    stream.log(entity, rr.LineStrips3D.from_fields(colors=[palette.PREDICTED], radii=[RADIUS_M]), static=True)
+    log.static("predicted", rr.LineStrips3D.from_fields(colors=[palette.PREDICTED], radii=[RADIUS_M]))
     paths = [part[:, columns] for part in np.split(chunks.actions, chunks.starts[1:])]
-    stream.send_columns(entity, clock.columns(chunks.starts), rr.LineStrips3D.columns(strips=paths))
+    log.send("predicted", rr.LineStrips3D.columns(strips=paths), chunks.starts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from aerial_il.presentation.rerun import signals
 from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
 from aerial_il.presentation.rerun.chunks import Chunks, log_chunks
 from aerial_il.presentation.rerun.clock import Clock
+from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
 from aerial_il.presentation.rerun.scene import (
     M_PER_M_S,
@@ -74,38 +75,35 @@ def log_flight(
     """
     episode = flight.episode
     clock = clock or Clock(episode.sim_time)
+    scene, curves, states = (Log(stream, f"{root}{name}", clock, second) for name in ("scene", "signals", "states"))
     stream.log(f"{root}about", rr.TextDocument(about(flight), media_type="text/markdown"), static=True)
     if flight.motion is not None:
-        _log_scene(stream, flight, flight.motion, f"{root}scene", clock)
-        signals.log_forces(stream, f"{root}signals", flight.motion, clock, second=second)
+        _log_scene(scene, flight, flight.motion)
+        signals.log_forces(curves, flight.motion)
     else:
-        _log_pictures_alone(stream, flight, f"{root}pictures", clock)
-    signals.log_actions(stream, f"{root}signals", episode, clock, second=second)
-    signals.log_observations(stream, f"{root}signals", episode, clock, second=second)
-    signals.log_reward(stream, f"{root}signals", episode, clock, second=second)
-    signals.log_states(stream, f"{root}states", episode, clock, flight.flags)
+        for name in flight.cameras:
+            log_pictures(Log(stream, f"{root}pictures", clock), name, episode.obs[name])
+    signals.log_actions(curves, episode)
+    signals.log_observations(curves, episode)
+    signals.log_reward(curves, episode.rewards)
+    signals.log_states(states, episode, flight.flags)
     if flight.chunks is not None:
-        spec, predicted = episode.spec.action, flight.chunks.actions
-        signals.log_action(stream, f"{root}signals", spec, predicted, clock, kind="predicted", width=1.8)
+        first = replace(curves, second=False)  # as bright for both flights
+        signals.log_action(first, episode.spec.action, flight.chunks.actions, kind="predicted", width=1.8)
 
 
-def _log_scene(stream: rr.RecordingStream, flight: Flight, motion: Motion, root: str, clock: Clock) -> None:
+def _log_scene(log: Log, flight: Flight, motion: Motion) -> None:
     episode = flight.episode
-    log_scene(stream, root, motion)
-    log_motion(stream, root, motion, clock)
-    log_trails(stream, root, motion, clock)
-    log_cameras(stream, root, episode, motion, clock)
+    log_scene(log, motion)
+    log_motion(log, motion)
+    log_trails(log, motion)
+    log_cameras(log, episode, motion)
     if (columns := tool_columns(episode)) is not None:
-        log_command(stream, root, episode.executed_actions[:, columns], motion, clock)
+        log_command(log, episode.executed_actions[:, columns], motion)
         if flight.chunks is not None:
-            log_chunks(stream, root, flight.chunks, columns, clock)
+            log_chunks(log, flight.chunks, columns)
     if (goal := goal_of(episode)) is not None:
-        log_goal(stream, root, goal, clock)
-
-
-def _log_pictures_alone(stream: rr.RecordingStream, flight: Flight, root: str, clock: Clock) -> None:
-    for name in flight.cameras:
-        log_pictures(stream, f"{root}/{name}", flight.episode.obs[name], clock)
+        log_goal(log, goal)
 
 
 def tool_columns(episode: Episode) -> list[int] | None:

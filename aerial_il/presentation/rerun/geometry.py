@@ -10,6 +10,7 @@ import numpy as np
 import rerun as rr
 
 from aerial_il.presentation.rerun import palette
+from aerial_il.presentation.rerun.log import Log
 
 GROUND_HALF_M = 2.0  # of the piece of an endless plane that is drawn
 SEEN_GROUPS = 3  # MuJoCo's own viewers, too, show the geoms of groups 0 to 2
@@ -29,15 +30,14 @@ def plain(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]", "_", name)
 
 
-def log_geometry(stream: rr.RecordingStream, root: str, model: mujoco.MjModel, robot: np.ndarray) -> None:
+def log_geometry(log: Log, model: mujoco.MjModel, robot: np.ndarray) -> None:
     """Log every visible geom once, below the entity of its body."""
     for geom in range(model.ngeom):
         colour = colour_of(model, geom)
         if model.geom_group[geom] >= SEEN_GROUPS or not colour[3]:
             continue
         body = path_of(model, robot, int(model.geom_bodyid[geom]))
-        entity = f"{root}/{body}/{plain(model.geom(geom).name or f'geom_{geom}')}"
-        stream.log(entity, shape_of(model, geom, colour), static=True)
+        log.static(f"{body}/{plain(model.geom(geom).name or f'geom_{geom}')}", shape_of(model, geom, colour))
 
 
 def colour_of(model: mujoco.MjModel, geom: int) -> np.ndarray:

@@ -9,8 +9,9 @@ import rerun.blueprint as rrb
 from aerial_il.core.contracts import StepResult
 from aerial_il.presentation.rerun import palette, signals
 from aerial_il.presentation.rerun.clock import SIM_TIME, Clock
+from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion, move
-from aerial_il.presentation.rerun.scene import eye, log_motion, log_scene
+from aerial_il.presentation.rerun.scene import log_motion, log_scene, scene_view
 from aerial_il.suite.batch import BatchEnvironment
 
 WATCHED = 0  # the world that is shown
@@ -28,14 +29,13 @@ class WatchedBatch(BatchEnvironment):
         self._stream, self._flown = stream, 0
         self.reset(like.seeds)
         motion = self._motion()
-        log_scene(stream, "scene", motion)
+        log_scene(self._log("scene"), motion)
         stream.send_blueprint(_layout(motion))
 
     def reset(self, seeds: np.ndarray | int | None = None, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
         obs = super().reset(seeds, mask)
         if mask is None or mask[WATCHED]:
-            seed = np.array([f"seed {int(self.seeds[WATCHED])}"])
-            signals.log_lane(self._stream, "states/flight", seed, self._clock)
+            signals.log_lane(self._log("states"), "flight", np.array([f"seed {int(self.seeds[WATCHED])}"]))
         return obs
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -43,15 +43,15 @@ class WatchedBatch(BatchEnvironment):
         if mask is None or mask[WATCHED]:
             self._flown += 1
             motion = self._motion()
-            log_motion(self._stream, "scene", motion, self._clock)
-            signals.log_forces(self._stream, "signals", motion, self._clock)
+            log_motion(self._log("scene"), motion)
+            signals.log_forces(self._log("signals"), motion)
             self._log_answer(actions, result)
         return result
 
-    @property
-    def _clock(self) -> Clock:
-        """The present moment, in steps and seconds since the first flight began."""
-        return Clock(np.array([self._flown * self.spec.control_dt_s]), first_step=self._flown)
+    def _log(self, root: str) -> Log:
+        """Return a log at the present moment, in steps and seconds since the start of the first flight."""
+        clock = Clock(np.array([self._flown * self.spec.control_dt_s]), first_step=self._flown)
+        return Log(self._stream, root, clock)
 
     def _motion(self) -> Motion:
         return move(self.model, self.get_state()[WATCHED : WATCHED + 1], self.spec)
@@ -61,22 +61,18 @@ class WatchedBatch(BatchEnvironment):
         kinds = {"commanded": np.asarray(actions), "executed": result.info["executed_action"]}
         for kind, values in kinds.items():
             one = values[WATCHED : WATCHED + 1]
-            signals.log_action(self._stream, "signals", self.spec.action, one, self._clock, kind=kind)
-        reward, look = result.reward[WATCHED : WATCHED + 1, None], [palette.REWARD]
-        signals.log_curves(self._stream, "signals/reward", reward, self._clock, names=["reward"], colours=look)
+            signals.log_action(self._log("signals"), self.spec.action, one, kind=kind)
+        reward = result.reward[WATCHED : WATCHED + 1, None]
+        signals.log_curves(self._log("signals"), "reward", reward, {"reward": palette.REWARD})
         for name, done in zip(self.spec.subtasks, result.info["subtasks"][WATCHED], strict=True):
-            lane = np.array(["yes" if done else "no"])
-            signals.log_lane(self._stream, f"states/{name}", lane, self._clock, yes_no=True)
+            signals.log_lane(self._log("states"), name, np.array(["yes" if done else "no"]), yes_no=True)
 
 
 def _layout(motion: Motion) -> rrb.Blueprint:
-    position, target = eye(motion)
-    look = rrb.EyeControls3D(position=position, look_target=target)
-    scene = rrb.Spatial3DView(origin="/scene", background=palette.BACKGROUND, line_grid=False, eye_controls=look)
     lanes = rrb.StateTimelineView(origin="/states", name="states")
     curves = [
         rrb.TimeSeriesView(origin=f"/signals/{name}", name=name) for name in ("action", "forces/contact", "reward")
     ]
-    left = rrb.Vertical(scene, lanes, row_shares=[3, 1])
+    left = rrb.Vertical(scene_view("/scene", motion), lanes, row_shares=[3, 1])
     time = rrb.TimePanel(state="collapsed", timeline=SIM_TIME)
     return rrb.Blueprint(rrb.Horizontal(left, rrb.Vertical(*curves), column_shares=[1.5, 1]), time, auto_views=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -97,6 +98,15 @@ def robot_bodies(model: mujoco.MjModel) -> np.ndarray:
     return model.body_rootid == model.body_rootid[base] if base >= 0 else model.body_weldid != 0
 
 
+def recorded_cameras(episode: Episode, model: mujoco.MjModel) -> Iterator[tuple[str, int, float]]:
+    """Yield of every recorded picture whose camera the scene has: its field, the camera, the focal length in pixels."""
+    for field in (field.name for field in episode.spec.observation.of_group("image") if field.name in episode.obs):
+        camera = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, field.rpartition("_")[0])
+        if camera >= 0:
+            height = episode.obs[field].shape[1]
+            yield field, camera, 0.5 * height / float(np.tan(0.5 * np.deg2rad(model.cam_fovy[camera])))
+
+
 def compile_scene(episode: Episode) -> mujoco.MjModel:
     """Return the compiled scene of a recording.
 
@@ -121,7 +131,7 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     """Put the scene into every state (N, S) and keep what is to be seen; numbers beyond MuJoCo's state are left out.
 
     Args:
-        spec: of the environment, which tells the wind.
+        spec: of the environment, which knows the wind.
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
     rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)

@@ -73,7 +73,7 @@ def page(file: Path, *, port: int = 0, data_port: int = 0) -> Iterator[tuple[sub
 
 
 def _address(server: subprocess.Popen[str]) -> str:
-    """Return where the page is, as the server tells."""
+    """Return where the page is, as the server says."""
     said, until = [], time.monotonic() + START_S
     assert server.stdout is not None
     for line in server.stdout:

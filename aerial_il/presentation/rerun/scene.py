@@ -7,10 +7,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 import rerun as rr
+import rerun.blueprint as rrb
 
 from aerial_il.presentation.rerun import palette
-from aerial_il.presentation.rerun.clock import Clock
 from aerial_il.presentation.rerun.geometry import log_geometry, path_of, plain
+from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion
 from aerial_il.presentation.rerun.palette import Colour
 
@@ -23,96 +24,79 @@ ASIDE_RAD, CLOSE = -0.7, 0.95  # the eye stands beside the camera, so far away a
 LEAST_MOTION_M = 0.02  # an object that moves less leaves no trail
 
 
-def log_scene(stream: rr.RecordingStream, root: str, motion: Motion) -> None:
+def log_scene(log: Log, motion: Motion) -> None:
     """Log what does not change: all geometry, and the poses of what cannot move."""
-    stream.log(root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    log_geometry(stream, root, motion.model, motion.robot)
+    log.stream.log(log.root, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    log_geometry(log, motion.model, motion.robot)
     for body in np.flatnonzero(~motion.moving[1:]) + 1:
         turned = rr.Quaternion(xyzw=xyzw(motion.body_quat[0, body]))
         fixed = rr.Transform3D(translation=motion.body_pos[0, body], quaternion=turned)
-        stream.log(f"{root}/{path_of(motion.model, motion.robot, int(body))}", fixed, static=True)
+        log.static(path_of(motion.model, motion.robot, int(body)), fixed)
 
 
-def log_motion(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock) -> None:
+def log_motion(log: Log, motion: Motion) -> None:
     """Log what changes: poses of all that can move, forces, wind."""
     for body in np.flatnonzero(motion.moving):
-        entity = f"{root}/{path_of(motion.model, motion.robot, int(body))}"
         poses = rr.Transform3D.columns(translation=motion.body_pos[:, body], quaternion=xyzw(motion.body_quat[:, body]))
-        stream.send_columns(entity, clock.columns(), poses)
-    _log_forces(stream, root, motion, clock)
+        log.send(path_of(motion.model, motion.robot, int(body)), poses)
+    _log_forces(log, motion)
 
 
-def _log_forces(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock) -> None:
+def _log_forces(log: Log, motion: Motion) -> None:
     contacts, states = motion.contacts, len(motion)
     if motion.thrust.size:
         rotors = np.full(states, motion.thrust.shape[1])
         arrows = motion.thrust_pos.reshape(-1, 3), M_PER_N * motion.thrust.reshape(-1, 3)
-        _log_arrows(stream, f"{root}/forces/thrust", clock, rotors, *arrows, colour=palette.THRUST)
+        _log_arrows(log, "forces/thrust", rotors, *arrows, colour=palette.THRUST)
     if len(contacts.points):
         arrows = contacts.points, M_PER_N * contacts.forces
-        _log_arrows(stream, f"{root}/forces/contact", clock, contacts.counts, *arrows, colour=palette.CONTACT)
+        _log_arrows(log, "forces/contact", contacts.counts, *arrows, colour=palette.CONTACT)
     if motion.wind is not None:
         above = motion.body_pos[:, np.flatnonzero(motion.robot)[0]] + [0.0, 0.0, WIND_ABOVE_M]
         arrows = above, M_PER_M_S * motion.wind
-        _log_arrows(stream, f"{root}/wind", clock, np.ones(states, int), *arrows, colour=palette.WIND)
+        _log_arrows(log, "wind", np.ones(states, int), *arrows, colour=palette.WIND)
 
 
 def _log_arrows(
-    stream: rr.RecordingStream,
-    entity: str,
-    clock: Clock,
-    counts: np.ndarray,
-    origins: np.ndarray,
-    vectors: np.ndarray,
-    *,
-    colour: Colour,
+    log: Log, entity: str, counts: np.ndarray, origins: np.ndarray, vectors: np.ndarray, *, colour: Colour
 ) -> None:
     """Log ``counts`` (N,) arrows for each state, all of them one after the other in ``origins`` and ``vectors``."""
-    stream.log(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[ARROW_M]), static=True)
-    columns = rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(counts)
-    stream.send_columns(entity, clock.columns(), columns)
+    log.static(entity, rr.Arrows3D.from_fields(colors=[colour], radii=[ARROW_M]))
+    log.send(entity, rr.Arrows3D.columns(origins=origins, vectors=vectors).partition(counts))
 
 
-def log_trails(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock, *, ahead: bool = True) -> None:
-    """Log where the tool and free objects have just been, and, thin and pale, all of where they go.
-
-    Args:
-        ahead: draw the whole path too.
-    """
+def log_trails(log: Log, motion: Motion) -> None:
+    """Log where the tool and free objects have just been, and, thin and pale, all of where they go."""
     paths = {name: (path, palette.OBJECT) for name, path in motion.objects.items() if _moves(path)}
     if motion.tool is not None:
         paths["tool"] = (motion.tool, palette.TOOL)
     for name, (path, colour) in paths.items():
-        entity = f"{root}/trails/{plain(name)}"
-        stream.log(entity, rr.LineStrips3D.from_fields(colors=[colour], radii=[TAIL_M]), static=True)
+        entity = f"trails/{plain(name)}"
+        log.static(entity, rr.LineStrips3D.from_fields(colors=[colour], radii=[TAIL_M]))
         tails = [path[max(0, i - TAIL) : i + 1] for i in range(len(path))]
-        stream.send_columns(entity, clock.columns(), rr.LineStrips3D.columns(strips=tails))
-        if ahead:
-            whole = rr.LineStrips3D([path], colors=palette.paler([colour], 0.35), radii=[PATH_M])
-            stream.log(f"{entity}/whole", whole, static=True)
+        log.send(entity, rr.LineStrips3D.columns(strips=tails))
+        whole = rr.LineStrips3D([path], colors=palette.paler([colour], 0.35), radii=[PATH_M])
+        log.static(f"{entity}/whole", whole)
 
 
-def log_command(stream: rr.RecordingStream, root: str, targets: np.ndarray, motion: Motion, clock: Clock) -> None:
+def log_command(log: Log, targets: np.ndarray, motion: Motion) -> None:
     """Log the commanded position of the tool (T, 3), world, m, as a dot with a line from the tool."""
     if motion.tool is None:
         return
     steps = np.arange(len(targets))
-    entity = f"{root}/command"
-    stream.log(entity, rr.Points3D.from_fields(colors=[palette.COMMAND], radii=[COMMAND_M]), static=True)
-    stream.send_columns(entity, clock.columns(steps), rr.Points3D.columns(positions=targets))
+    log.static("command", rr.Points3D.from_fields(colors=[palette.COMMAND], radii=[COMMAND_M]))
+    log.send("command", rr.Points3D.columns(positions=targets), steps)
     lines = np.stack([motion.tool[: len(targets)], targets], axis=1)
-    line = f"{entity}/from_tool"
-    stream.log(line, rr.LineStrips3D.from_fields(colors=[palette.COMMAND], radii=[PATH_M]), static=True)
-    stream.send_columns(line, clock.columns(steps), rr.LineStrips3D.columns(strips=list(lines)))
+    log.static("command/from_tool", rr.LineStrips3D.from_fields(colors=[palette.COMMAND], radii=[PATH_M]))
+    log.send("command/from_tool", rr.LineStrips3D.columns(strips=list(lines)), steps)
 
 
-def log_goal(stream: rr.RecordingStream, root: str, goal: np.ndarray, clock: Clock) -> None:
+def log_goal(log: Log, goal: np.ndarray) -> None:
     """Log the goal's position (N, 3), world, m, as a dot with its name."""
-    entity = f"{root}/goal"
     look = rr.Points3D.from_fields(colors=[palette.GOAL], radii=[COMMAND_M], labels=["goal"], show_labels=True)
-    stream.log(entity, look, static=True)
+    log.static("goal", look)
     changed = np.flatnonzero(np.r_[True, (np.diff(goal, axis=0) != 0.0).any(axis=1)])
-    stream.send_columns(entity, clock.columns(changed), rr.Points3D.columns(positions=goal[changed]))
+    log.send("goal", rr.Points3D.columns(positions=goal[changed]), changed)
 
 
 def xyzw(quat_wxyz: np.ndarray) -> np.ndarray:
@@ -130,6 +114,15 @@ def eye(motion: Motion) -> tuple[Sequence[float], Sequence[float]]:
     aside = np.array([c * side[0] - s * side[1], s * side[0] + c * side[1], 0.8 * side[2]])
     away = aside / np.linalg.norm(aside) * max(0.8, CLOSE * size)
     return (centre + away).tolist(), centre.tolist()
+
+
+def scene_view(origin: str, motion: Motion, name: str | None = None) -> rrb.Spatial3DView:
+    """Return the view of a scene that was logged below ``origin``, from where :func:`eye` looks."""
+    position, target = eye(motion)
+    look = rrb.EyeControls3D(position=position, look_target=target)
+    return rrb.Spatial3DView(
+        origin=origin, name=name, background=palette.BACKGROUND, line_grid=False, eye_controls=look
+    )
 
 
 def _extent(motion: Motion) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,8 @@ from aerial_il.core.contracts import NO_PHASE
 from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.rerun import palette
-from aerial_il.presentation.rerun.clock import Clock
 from aerial_il.presentation.rerun.geometry import plain
+from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion
 from aerial_il.presentation.rerun.palette import Colour
 
@@ -47,103 +47,71 @@ def groups_of(action: ActionSpec) -> list[ActionGroup]:
     ]
 
 
-def log_actions(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False) -> None:
+def log_actions(log: Log, episode: Episode) -> None:
     """Log commanded, executed and, where asked for, the expert's actions."""
     kinds = {"commanded": episode.actions, "executed": episode.executed_actions}
     if episode.asked.any():
         kinds["expert"] = episode.expert_actions
     for kind, values in kinds.items():
-        log_action(stream, root, episode.spec.action, values, clock, kind=kind, width=ACTIONS[kind], second=second)
+        log_action(log, episode.spec.action, values, kind=kind, width=ACTIONS[kind])
 
 
-def log_action(
-    stream: rr.RecordingStream,
-    root: str,
-    action: ActionSpec,
-    values: np.ndarray,
-    clock: Clock,
-    *,
-    kind: str,
-    width: float = 1.5,
-    second: bool = False,
-) -> None:
+def log_action(log: Log, action: ActionSpec, values: np.ndarray, *, kind: str, width: float = 1.5) -> None:
     """Log actions (T, Da) of one kind, group by group; what was only commanded is drawn broad and pale."""
     for group in groups_of(action):
         colours = palette.series(len(group.columns))
         colours = palette.paler(colours) if kind == "commanded" else colours
-        names = [f"{label} {kind}" for label in group.labels]
-        log_curves(
-            stream, f"{root}/action/{group.name}/{kind}", values[:, group.columns], clock,
-            names=names, colours=colours, width=width, second=second)  # fmt: skip
+        curves = {f"{label} {kind}": colour for label, colour in zip(group.labels, colours, strict=True)}
+        log_curves(log, f"action/{group.name}/{kind}", values[:, group.columns], curves, width=width)
 
 
-def log_observations(
-    stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False
-) -> None:
+def log_observations(log: Log, episode: Episode) -> None:
     """Log every observed field that is no picture."""
     for field in episode.spec.observation.fields:
         if field.group == "image" or field.name not in episode.obs or field.size > LARGEST_FIELD:
             continue
-        values = episode.obs[field.name].reshape(len(clock.sim_time), -1)
+        values = episode.obs[field.name].reshape(len(log.clock.sim_time), -1)
         names = [label.replace(".", " ") for label in field.element_labels()]
-        entity = f"{root}/observation/{plain(field.name)}"
-        log_curves(stream, entity, values, clock, names=names, colours=palette.series(field.size), second=second)
+        log_curves(
+            log, f"observation/{plain(field.name)}", values, dict(zip(names, palette.series(field.size), strict=True))
+        )
 
 
-def log_reward(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, *, second: bool = False) -> None:
-    log_curves(
-        stream,
-        f"{root}/reward",
-        episode.rewards[:, None],
-        clock,
-        names=["reward"],
-        colours=[palette.REWARD],
-        width=2.0,
-        second=second,
-    )
+def log_reward(log: Log, rewards: np.ndarray) -> None:
+    """Log the rewards (T,) of steps."""
+    log_curves(log, "reward", rewards[:, None], {"reward": palette.REWARD}, width=2.0)
 
 
-def log_forces(stream: rr.RecordingStream, root: str, motion: Motion, clock: Clock, *, second: bool = False) -> None:
+def log_forces(log: Log, motion: Motion) -> None:
     """Log the magnitude of all contacts of the robot, each rotor's thrust, and the wind's speed."""
     pressed = motion.contacts.on_robot_n[:, None]
-    entity, colours = f"{root}/forces/contact", [palette.CONTACT]
-    log_curves(stream, entity, pressed, clock, names=["contacts, N"], colours=colours, width=2.0, second=second)
+    log_curves(log, "forces/contact", pressed, {"contacts, N": palette.CONTACT}, width=2.0)
     if motion.thrust.size:
         size = np.linalg.norm(motion.thrust, axis=2)
-        names = [f"rotor {i}, N" for i in range(size.shape[1])]
-        log_curves(
-            stream,
-            f"{root}/forces/thrust",
-            size,
-            clock,
-            names=names,
-            colours=palette.series(size.shape[1]),
-            second=second,
-        )
+        colours = palette.series(size.shape[1])
+        log_curves(log, "forces/thrust", size, {f"rotor {i}, N": colour for i, colour in enumerate(colours)})
     if motion.wind is not None:
         speed = np.linalg.norm(motion.wind, axis=1, keepdims=True)
-        log_curves(
-            stream, f"{root}/wind", speed, clock, names=["wind, m/s"], colours=[palette.WIND], width=2.0, second=second
-        )
+        log_curves(log, "wind", speed, {"wind, m/s": palette.WIND}, width=2.0)
 
 
-def log_states(stream: rr.RecordingStream, root: str, episode: Episode, clock: Clock, flags: np.ndarray | None) -> None:
+def log_states(log: Log, episode: Episode, flags: np.ndarray | None) -> None:
     """Log phase, sub-tasks, interventions and the outcome, each time they change.
 
     Args:
         flags: (T, K) sub-task flags after each step, None where nobody can say.
     """
     if (phases := phase_names(episode)) is not None:
-        log_lane(stream, f"{root}/0_phase", phases, clock)  # lanes stand in the order of their names
+        log_lane(log, "0_phase", phases)  # lanes stand in the order of their names
     if episode.is_intervention.any():
-        log_lane(stream, f"{root}/8_intervention", np.where(episode.is_intervention, "taken over", "alone"), clock)
+        log_lane(log, "8_intervention", np.where(episode.is_intervention, "taken over", "alone"))
     if flags is not None:
         for i, (name, done) in enumerate(zip(episode.spec.subtasks, flags.T, strict=True), 1):
             values = np.concatenate([["no"], np.where(done > 0, "yes", "no")])
-            log_lane(stream, f"{root}/{i}_{plain(name)}", values, clock, yes_no=True)
+            log_lane(log, f"{i}_{plain(name)}", values, yes_no=True)
     over = np.full(len(episode) + 1, "flying", dtype=object)
     over[-1] = "success" if episode.success else ("crash or loss" if episode.terminated[-1:].any() else "no success")
-    log_lane(stream, f"{root}/9_outcome", over, clock)
+    log_lane(log, "9_outcome", over)
 
 
 def phase_names(episode: Episode) -> np.ndarray | None:
@@ -154,18 +122,14 @@ def phase_names(episode: Episode) -> np.ndarray | None:
     return np.where(episode.phase == NO_PHASE, "none", np.array(phases)[np.maximum(episode.phase, 0)])
 
 
-def log_lane(
-    stream: rr.RecordingStream, entity: str, values: np.ndarray, clock: Clock, *, yes_no: bool = False
-) -> None:
+def log_lane(log: Log, entity: str, values: np.ndarray, *, yes_no: bool = False) -> None:
     """Log which of a few things (N,) holds, whenever it changes."""
     values = np.asarray(values, dtype=str)
     known = sorted({"no", "yes"}) if yes_no else list(dict.fromkeys(values.tolist()))
     colours: Sequence[Colour] = (palette.UNDONE, palette.DONE) if yes_no else _lane_colours(known)
-    look = rr.StateConfiguration(values=known, labels=known, colors=list(colours))
-    stream.log(entity, look, static=True)
+    log.static(entity, rr.StateConfiguration(values=known, labels=known, colors=list(colours)))
     changed = np.flatnonzero(np.r_[True, values[1:] != values[:-1]])
-    columns = rr.StateChange.columns(state=values[changed].tolist())
-    stream.send_columns(entity, clock.columns(changed), columns)
+    log.send(entity, rr.StateChange.columns(state=values[changed].tolist()), changed)
 
 
 def _lane_colours(known: Sequence[str]) -> list[Colour]:
@@ -176,23 +140,11 @@ def _lane_colours(known: Sequence[str]) -> list[Colour]:
     return [meant.get(name, palette.MANY[i % len(palette.MANY)]) for i, name in enumerate(known)]
 
 
-def log_curves(
-    stream: rr.RecordingStream,
-    entity: str,
-    values: np.ndarray,
-    clock: Clock,
-    *,
-    names: Sequence[str],
-    colours: Sequence[Colour],
-    width: float = 1.2,
-    second: bool = False,
-) -> None:
-    """Log k curves (n, k) over the first n times of the clock; those of a second flight are paler than the first's."""
-    flight = entity.partition("signals/")[0].strip("/")
-    shown = [f"{flight} {name}".strip() for name in names]
-    tints = palette.paler(colours) if second else list(colours)
-    look = rr.SeriesLines(names=shown, colors=tints, widths=[width] * len(names))
-    stream.log(entity, look, static=True)
+def log_curves(log: Log, entity: str, values: np.ndarray, curves: Mapping[str, Colour], *, width: float = 1.2) -> None:
+    """Log k curves (n, k), their names and colours in ``curves``, over the first n times of the clock."""
+    flight = log.root.partition("signals")[0].strip("/")
+    shown, colours = [f"{flight} {name}".strip() for name in curves], list(curves.values())
+    tints = palette.paler(colours) if log.second else colours
+    log.static(entity, rr.SeriesLines(names=shown, colors=tints, widths=[width] * len(curves)))
     columns = rr.Scalars.columns(scalars=np.asarray(values, float).reshape(-1))
-    partitioned = columns.partition(np.full(len(values), values.shape[1]))
-    stream.send_columns(entity, clock.columns(np.arange(len(values))), partitioned)
+    log.send(entity, columns.partition(np.full(len(values), values.shape[1])), np.arange(len(values)))

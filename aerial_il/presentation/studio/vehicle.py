@@ -13,7 +13,7 @@ from aerial_il.presentation.studio.workshop import Workshop, hide, upright_along
 CARBON, CANOPY, ACCENT = (0.20, 0.21, 0.23, 1.0), (0.93, 0.94, 0.95, 1.0), (0.93, 0.42, 0.08, 1.0)
 STEEL, LENS = (0.62, 0.64, 0.67, 1.0), (0.02, 0.025, 0.05, 1.0)
 BLADES = {"front": (0.95, 0.45, 0.10, 1.0), "rear": (0.26, 0.28, 0.31, 1.0)}
-LENS_M, USUAL_SPAN_M = 0.009, 0.6  # half the width of a camera's lens on a vehicle of that span
+LENS_M, DEFAULT_SPAN_M = 0.009, 0.6  # half the width of a camera's lens on a vehicle of that span
 LONGEST_STRUT_M = 0.4
 LARGE_M = 0.30  # radius from which a rotor has three blades
 
@@ -110,7 +110,7 @@ def dress_cameras(shop: Workshop) -> None:
         foot = np.array([pos[0], 0.0, 0.0])
         if camera.name == "base":
             foot = pos if hub is None or hub.type != mujoco.mjtGeom.mjGEOM_BOX else _nearest_in(hub, pos)
-        _dress_camera(shop, camera, foot, LENS_M * float(np.clip(span_m(shop) / USUAL_SPAN_M, 0.6, 1.5)))
+        _dress_camera(shop, camera, foot, LENS_M * float(np.clip(span_m(shop) / DEFAULT_SPAN_M, 0.6, 1.5)))
 
 
 def _nearest_in(hub: mujoco.MjsGeom, pos: np.ndarray) -> np.ndarray:
@@ -134,8 +134,8 @@ def _dress_camera(shop: Workshop, camera: mujoco.MjsCamera, foot: np.ndarray, si
 
 
 def span_m(shop: Workshop) -> float:
-    """Return the distance between a multirotor's outermost rotors, as big as usual where there are none."""
+    """Return the distance between a multirotor's outermost rotors, the default where there are none."""
     sites = [site for site in shop.spec.sites if site.name.startswith("rotor_")]
     if shop.spec.geom("disc_0") is None or not sites:
-        return USUAL_SPAN_M
+        return DEFAULT_SPAN_M
     return 2.0 * max(float(np.hypot(site.pos[0], site.pos[1])) for site in sites)

@@ -97,18 +97,6 @@ def parse_airframe(text: str, source: str = "airframe") -> Airframe:
     return airframe
 
 
-def write_airframe(airframe: Airframe) -> str:
-    """Return the text of an airframe file that reads back as ``airframe``."""
-    pos, axis = airframe.rotor_pos * OURS_FROM_PX4, airframe.rotor_axis * OURS_FROM_PX4
-    lines = [f"param set-default {COUNT} {len(pos)}"]
-    for i, (p, n) in enumerate(zip(pos, axis, strict=True)):
-        values = dict(zip(FIELDS, [*p, *n, -airframe.rotor_drag_ratio[i]], strict=False))
-        if airframe.max_thrust is not None:
-            values["CT"] = airframe.max_thrust[i]
-        lines += [f"param set-default CA_ROTOR{i}_{field} {float(value)!r}" for field, value in values.items()]
-    return "\n".join(lines) + "\n"
-
-
 Rotor = dict[str, tuple[float, int]]  # field -> value and the line that sets it
 
 
@@ -117,10 +105,10 @@ def _parameters(text: str, source: str) -> tuple[int, dict[int, Rotor]]:
     count, count_line = None, 0
     rotors: dict[int, Rotor] = {}
     for line, content in enumerate(text.splitlines(), start=1):
-        found = _setting(content, source, line)
-        if found is None or not found[0].startswith("CA_ROTOR"):
+        setting = _setting(content, source, line)
+        if setting is None or not setting[0].startswith("CA_ROTOR"):
             continue
-        name, value = found
+        name, value = setting
         if name == COUNT:
             count, count_line = _rotor_count(value, source, line), line
             continue
@@ -170,7 +158,7 @@ def _check_rotor(rotor: Rotor, i: int, count: int, source: str) -> None:
         raise AirframeError(source, 0, f"Rotor {i} of {count} is missing: neither CA_ROTOR{i}_PX nor _PY is set.")
     if "KM" not in rotor:
         line = min(line for _, line in rotor.values())
-        problem = f"Rotor {i} has no CA_ROTOR{i}_KM: its sign tells the sense of rotation, + counter-clockwise."
+        problem = f"Rotor {i} has no CA_ROTOR{i}_KM: its sign is the sense of rotation, + counter-clockwise."
         raise AirframeError(source, line, problem)
     km, line = rotor["KM"]
     if km == 0.0:

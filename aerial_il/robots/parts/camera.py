@@ -70,6 +70,9 @@ def check_size(size: tuple[int, int]) -> None:
         raise InvalidValueError(f"image_size is (height, width) up to {LARGEST_IMAGE}, got {size}.")
 
 
+STANDARD = ("wrist", "base")  # what the cameras of a robot are called that declares none
+
+
 def standard_cameras(base: Base, arm: Arm, tool: Vector, hanging: np.ndarray) -> tuple[Camera, Camera]:
     """Return the cameras of a robot that declares none.
 

@@ -11,20 +11,6 @@ if TYPE_CHECKING:  # names are listed without importing a compiler
     from aerial_il.suite.disturbances.disturbance import Disturbance
 
 
-def names() -> tuple[str, ...]:
-    """Names of all disturbances, in alphabetical order."""
-    return registry.names("disturbance")
-
-
-def get(name: str) -> type[Disturbance]:
-    """Return the class of the settings of the disturbance called ``name``.
-
-    Raises:
-        UnknownNameError: no disturbance has that name.
-    """
-    return registry.get("disturbance", name)
-
-
 def strengths(name: str) -> Mapping[str, Disturbance]:
     """Tier -> how strong a disturbance is there; tiers without it are missing."""
     return getattr(registry.module("disturbance", name), "TIERS", {})

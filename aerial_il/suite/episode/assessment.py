@@ -100,7 +100,7 @@ class Rules(NamedTuple):
     perception: Perception
 
 
-class Found(NamedTuple):
+class Results(NamedTuple):
     """Buffers for observations and assessments, a row per world.
 
     Attributes:
@@ -166,10 +166,10 @@ def dwell_steps(task: Task) -> int:
     return max(1, round(task.dwell_s / CONTROL_DT_S))
 
 
-def make_found(view: View, seen: np.ndarray, observation_size: int, num_subtasks: int) -> Found:
+def make_results(view: View, seen: np.ndarray, observation_size: int, num_subtasks: int) -> Results:
     """Return empty rows for the worlds of ``view``, of which observations are read off the records ``seen``."""
     n = view.n
-    return Found(
+    return Results(
         records=view.records.ctypes.data,
         record_size=view.records.itemsize,
         seen=seen.ctypes.data,
@@ -180,9 +180,9 @@ def make_found(view: View, seen: np.ndarray, observation_size: int, num_subtasks
     )
 
 
-def assessment_of(found: Found) -> Assessment:
+def assessment_of(results: Results) -> Assessment:
     """Copy the verdicts."""
-    verdicts = found.verdicts.copy()
+    verdicts = results.verdicts.copy()
     flags = verdicts.astype(bool)
     return Assessment(
         reward=verdicts[:, REWARD],
@@ -190,7 +190,7 @@ def assessment_of(found: Found) -> Assessment:
         crash=flags[:, CRASH],
         dropped=flags[:, DROPPED],
         truncated=flags[:, TRUNCATED],
-        subtasks=found.subtasks.astype(bool),
+        subtasks=results.subtasks.astype(bool),
         ee_error=verdicts[:, EE_ERROR],
         effort=verdicts[:, EFFORT],
         contacts=verdicts[:, CONTACTS],
@@ -199,18 +199,18 @@ def assessment_of(found: Found) -> Assessment:
 
 
 @kernel
-def settle(rules, found, i, action):
+def settle(rules, results, i, action):
     """Note in the memory of world ``i`` what a control step has brought: command, task's memory, loss, dwell.
 
     Args:
-        rules, found: see above. action: (Da,) as it was sent.
+        rules, results: see above. action: (Da,) as it was sent.
     """
-    world = record_at(found.records + i * found.record_size)
+    world = record_at(results.records + i * results.record_size)
     userdata = doubles(world.userdata, USERDATA_SIZE)
     if rules.level == EE_POSE:
-        put(row_at(found.commanded, i), 0, vec(action, 0))
+        put(row_at(results.commanded, i), 0, vec(action, 0))
     elif rules.level == EE_DELTA:
-        put(row_at(found.commanded, i), 0, vec(userdata, TARGET_POS))
+        put(row_at(results.commanded, i), 0, vec(userdata, TARGET_POS))
     if rules.remember != 0:
         call_nothing(rules.remember, world)
     if rules.lost != 0 and call_number(rules.lost, world) > 0.0:
@@ -221,47 +221,47 @@ def settle(rules, found, i, action):
 
 
 @kernel
-def assess(rules, found, i):
+def assess(rules, results, i):
     """Write the observation, the verdicts and the sub-task flags of world ``i``."""
-    world = record_at(found.records + i * found.record_size)
+    world = record_at(results.records + i * results.record_size)
     userdata, success = doubles(world.userdata, USERDATA_SIZE), 0.0
     if userdata[DWELL] >= rules.dwell_steps:
         success = 1.0
-    verdicts = row_at(found.verdicts, i)
+    verdicts = row_at(results.verdicts, i)
     verdicts[SUCCESS] = success
     verdicts[REWARD] = 1.0 if success > 0.0 else call_number(rules.reward, world)
     verdicts[CRASH] = 1.0 if userdata[CRASHED] > 0.0 else 0.0
     verdicts[DROPPED] = 1.0 if userdata[LOST] > 0.0 else 0.0
     verdicts[TRUNCATED] = 1.0 if userdata[STEP] >= rules.max_steps else 0.0
-    verdicts[EE_ERROR] = norm(sub(vec(row_at(found.commanded, i), 0), tool_pos(world)))
+    verdicts[EE_ERROR] = norm(sub(vec(row_at(results.commanded, i), 0), tool_pos(world)))
     verdicts[EFFORT] = _effort(rules, world)
     verdicts[CONTACTS] = unwanted_contacts(world)
     verdicts[FORCE_IN_BAND_RAW] = math.nan
     if rules.force_in_band_raw != 0:
         verdicts[FORCE_IN_BAND_RAW] = call_number(rules.force_in_band_raw, world)
-    call_row(rules.progress, world, row_at(found.subtasks, i))
-    seen = record_at(found.seen + i * found.record_size)
+    call_row(rules.progress, world, row_at(results.subtasks, i))
+    seen = record_at(results.seen + i * results.record_size)
     if rules.perception.active != 0:
         hooks = rules.perception.hooks[0]
         perceive(rules.perception, world, seen, hooks.now + i * NOW_SIZE, hooks.effects + i * EFFECTS_SIZE)
-    observations = row_at(found.observations, i)
+    observations = row_at(results.observations, i)
     for k in range(rules.sensors.shape[0]):
         own, place, size = rules.sensors[k, 1], rules.sensors[k, 2], rules.sensors[k, 3]
-        found_here = doubles(observations.ctypes.data + 8 * place, size)
-        call_sensor(rules.sensors[k, 0], numbers_at(own), world, seen, found_here)
+        numbers = doubles(observations.ctypes.data + 8 * place, size)
+        call_sensor(rules.sensors[k, 0], numbers_at(own), world, seen, numbers)
     rest = observations.size - rules.proprioception
     call_row(rules.observe, seen, doubles(observations.ctypes.data + 8 * rules.proprioception, rest))
 
 
 @kernel
-def assess_all(rules, found, active, counter):
+def assess_all(rules, results, active, counter):
     """Assess the worlds of ``active`` (n,) bool that are drawn from a counter; see :func:`native.draw`."""
     while True:
         i = draw(counter)
         if i >= active.size:
             break
         if active[i]:
-            assess(rules, found, i)
+            assess(rules, results, i)
 
 
 @kernel

@@ -4,7 +4,7 @@ Two estimates make up an observation. The robot knows itself by the state estima
 (``suite.physics.sensing``): one error of the base's pose moves base and tool as one, since encoders are exact.
 It sees objects, each with a pose error that moves all of the object as one, and later than they are. A constant error
 of the robot's own position is the same as a shift of all that it sees, for it flies, is commanded and counts in the
-frame of its estimate: it is therefore an error of what is seen (``frame_bias``). What a user tells, such as a pose to
+frame of its estimate: it is therefore an error of what is seen (``frame_bias``). What a user gives, such as a pose to
 reach, is exact.
 
 The slow errors and what has been seen but not yet shown live in the simulator's memory; biases are a pure function of

@@ -80,11 +80,11 @@ class Flight(NamedTuple):
 
 
 @kernel
-def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, steps, counter):
+def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh, steps, counter):
     """Advance the worlds that are drawn from a counter by some physics steps.
 
     Args:
-        flight: see :class:`Flight`. rules, found: what is asked after a control step, and where answers go.
+        flight: see :class:`Flight`. rules, results: what is asked after a control step, and where answers go.
         workspace: (1,) working memory, see ``SCRATCH``. worlds: addresses, see ``worlds.PhysicsPointers``.
         sent: (n, Da) actions as they were sent. actions: (n, Da) the same, changed to those that arrive.
         active: (n,) bool, others stand still.
@@ -118,7 +118,7 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
             advance_all(hooks, memory, now)
             if rules.perception.active != 0:
                 advance_sight(
-                    rules.perception, record_at(found.records + i * found.record_size), userdata, flight.interval
+                    rules.perception, record_at(results.records + i * results.record_size), userdata, flight.interval
                 )
         for _ in range(steps):
             note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
@@ -162,8 +162,8 @@ def fly(flight, rules, found, workspace, worlds, sent, actions, active, fresh, s
                 userdata[CRASHED] = 1.0
         pull_all(worlds, i)
         if complete:
-            settle(rules, found, i, row_at(sent, i))
-            assess(rules, found, i)
+            settle(rules, results, i, row_at(sent, i))
+            assess(rules, results, i)
 
 
 @kernel

@@ -125,7 +125,7 @@ class Perceived:
         if self._places > layout.PAST_SIZE:
             raise InvalidValueError(
                 f"The moving sites and joints of task {self._task.name!r} take {self._places} numbers, and "
-                f"an estimate has room for {layout.PAST_SIZE}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. "
+                f"an estimate holds {layout.PAST_SIZE}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. "
                 "Name one site per object, and compute its other points from there, along the axes of site_mat."
             )
         return first
@@ -141,7 +141,7 @@ class Perceived:
         if root not in self._roots:
             raise InvalidValueError(
                 f"{self._task.name} reads {what}, but no site of the object that it belongs to: add one to the task's "
-                "names, or name it among what the task tells."
+                "names, or name it in its `commanded`."
             )
         return self._roots.index(root)
 

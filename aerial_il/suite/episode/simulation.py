@@ -10,14 +10,21 @@ from typing import Any, NoReturn
 import mujoco
 import numpy as np
 
-from aerial_il.control import controllers
 from aerial_il.control.controller import Steering
 from aerial_il.control.scratch import SCRATCH
 from aerial_il.control.vehicle import Gains, alone, record_of
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
 from aerial_il.core.seeding import episode_rng
-from aerial_il.suite.episode.assessment import Assessment, SensorTable, assess_all, assessment_of, make_found, rules_of
+from aerial_il.suite.episode.assessment import (
+    Assessment,
+    SensorTable,
+    assess_all,
+    assessment_of,
+    make_results,
+    rules_of,
+)
 from aerial_il.suite.episode.disturbances import Disturbances
 from aerial_il.suite.episode.flight_loop import Flight, fly, limit_actions
 from aerial_il.suite.episode.perception import Perceived
@@ -62,7 +69,7 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
-        self.gains = (gains or controllers.get(scenario.controller)().gains).fitted(self.robot.vehicle)
+        self.gains = (gains or registry.get("controller", scenario.controller)().gains).fitted(self.robot.vehicle)
         self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
@@ -85,7 +92,7 @@ class Simulation:
         observation = self.spec.observation
         self._sensors = SensorTable(self.robot)
         self._rules = rules_of(scenario, self._sensors, self.seen.perception)
-        self._found = make_found(
+        self._results = make_results(
             self.view, self.seen.records, observation.size(observation.state_names), len(self.spec.subtasks)
         )
         self._parts = observation.parts(observation.state_names)
@@ -121,7 +128,7 @@ class Simulation:
         self.worlds.forward(mask)
         self.disturbances.start(mask)
         self.seen.begin(mask)
-        self._found.commanded[mask] = np.nan
+        self._results.commanded[mask] = np.nan
         self.assess(mask)
 
     def advance(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
@@ -168,7 +175,7 @@ class Simulation:
         return (
             self._flight,
             self._rules,
-            self._found,
+            self._results,
             self._own.workspace,
             self.worlds.pointers,
             self._actions,
@@ -206,16 +213,16 @@ class Simulation:
         self.worlds.set_state(states, mask)
         self._check_physics(mask)
         self.seen.resume(mask)
-        self._found.commanded[mask] = np.nan
+        self._results.commanded[mask] = np.nan
         self.assess(mask)
 
     def assess(self, mask: np.ndarray | None = None) -> None:
         """Read off anew what the worlds in ``mask`` (n,) bool show and how they stand; a flight does so by itself."""
-        self._threads.run(partial(self._entry_of_assess, self._rules, self._found, self._select(mask)))
+        self._threads.run(partial(self._entry_of_assess, self._rules, self._results, self._select(mask)))
 
     @cached_property
     def _entry_of_assess(self) -> Callable[..., Any]:
-        return entry_of(assess_all, self._rules, self._found, self._everyone, 0)
+        return entry_of(assess_all, self._rules, self._results, self._everyone, 0)
 
     def observe(self) -> dict[str, np.ndarray]:
         """State observations of all worlds at this instant, ``name -> (n, ...)``."""
@@ -225,7 +232,7 @@ class Simulation:
     @property
     def observations(self) -> dict[str, np.ndarray]:
         """The same as of the last flight, reset or :meth:`assess`."""
-        flat = self._found.observations.copy()
+        flat = self._results.observations.copy()
         return {name: flat[columns] for name, columns in self._columns.items()}
 
     def reassess(self) -> Assessment:
@@ -236,16 +243,16 @@ class Simulation:
     @property
     def assessment(self) -> Assessment:
         """The same as of the last flight, reset or :meth:`assess`."""
-        return assessment_of(self._found)
+        return assessment_of(self._results)
 
     def observation(self, world: int) -> Iterator[tuple[str, np.ndarray]]:
         """Names and values of what one world showed then."""
-        row = self._found.observations[world].copy()
+        row = self._results.observations[world].copy()
         return ((name, row[part]) for name, part in self._parts.items())
 
     def verdict(self, world: int, kind: int) -> float:
         """One number of its assessment, see :mod:`aerial_il.suite.episode.assessment`."""
-        return float(self._found.verdicts[world, kind])
+        return float(self._results.verdicts[world, kind])
 
     def close(self) -> None:
         """End the controllers' threads."""

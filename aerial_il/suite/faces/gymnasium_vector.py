@@ -10,7 +10,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.seeding import seeds_of
 from aerial_il.suite.batch import BatchEnvironment, info_of
 from aerial_il.suite.faces.gymnasium_env import METADATA, action_space, observation_space
 from aerial_il.suite.faces.options import FaceOptions, read_options
@@ -73,7 +74,7 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         super().reset(seed=None if seed is None else int(np.ravel(seed)[0]))
         mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs)), bool)
         if seed is not None:
-            self._next_seeds = np.where(mask, self._spread(seed), self._next_seeds)
+            self._next_seeds = np.where(mask, seeds_of(seed, self.num_envs), self._next_seeds)
         observation, executed = self._start(mask), np.zeros((self.num_envs, self.aerial.spec.action.size))
         return observation, self._with_masks(info_of(self.aerial.simulation.assessment, executed), mask)
 
@@ -113,18 +114,10 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
         for world in np.flatnonzero(ended):
             last[world] = {name: values[world].copy() for name, values in obs.items()}
         started, nothing = self._start(ended), np.zeros((self.num_envs, self.aerial.spec.action.size))
-        begun = self._with_masks(info_of(self.aerial.simulation.assessment, nothing), ended)
-        merged = {name: np.where(_along(ended, v), begun[name], v) for name, v in final.items() if name[0] != "_"}
-        masks = {name: np.where(ended, begun[name], v) for name, v in final.items() if name[0] == "_"}
+        fresh = self._with_masks(info_of(self.aerial.simulation.assessment, nothing), ended)
+        merged = {name: np.where(_along(ended, v), fresh[name], v) for name, v in final.items()}
         final |= {name: v & ended for name, v in final.items() if name[0] == "_"}
-        return started, {
-            **merged,
-            **masks,
-            "final_obs": last,
-            "_final_obs": ended,
-            "final_info": final,
-            "_final_info": ended,
-        }
+        return started, merged | {"final_obs": last, "_final_obs": ended, "final_info": final, "_final_info": ended}
 
     def render(self) -> tuple[np.ndarray, ...] | None:
         """Images (H, W, 3) uint8 of all worlds, or None without a render mode."""
@@ -136,12 +129,6 @@ class VectorEnvironment(VectorEnv[dict[str, np.ndarray], np.ndarray, np.ndarray]
     def close_extras(self, **kwargs: Any) -> None:
         """Free graphics contexts and threads."""
         self.aerial.close()
-
-    def _spread(self, seed: int | Sequence[int]) -> np.ndarray:
-        seeds = np.asarray(seed) + np.arange(self.num_envs) if np.ndim(seed) == 0 else np.asarray(seed)
-        if seeds.shape != (self.num_envs,):
-            raise InvalidValueError(f"seed is one integer or one per world, {self.num_envs}, got shape {seeds.shape}.")
-        return seeds
 
     def _start(self, mask: np.ndarray) -> dict[str, np.ndarray]:
         """Start the next episodes of the worlds in ``mask`` (n,); return what all worlds show."""

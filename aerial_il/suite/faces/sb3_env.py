@@ -95,7 +95,7 @@ class Sb3Env(VecEnv):
         return self._get_indices(indices)
 
     def _infos(self, info: dict[str, Any], worlds: Iterable[int] | None = None) -> list[dict[str, Any]]:
-        """Return a dictionary for each of ``worlds``, with what an info tells of it."""
+        """Return a dictionary for each of ``worlds``, with its entries of an info."""
         names = [name for name in info if name[0] != "_" and name not in OF_EPISODE]
         chosen = range(self.num_envs) if worlds is None else worlds
         return [{name: _plain(info[name][world]) for name in names if info[f"_{name}"][world]} for world in chosen]

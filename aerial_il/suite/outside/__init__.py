@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.outside.batch import OutsideBatch
-from aerial_il.suite.outside.from_files import checked_key, checked_options
+from aerial_il.suite.outside.from_files import checked_key
+from aerial_il.suite.outside.from_files import checked_options as checked_options
 from aerial_il.suite.outside.processes import MakeBatch, SharedBatch
 
 if TYPE_CHECKING:
@@ -92,18 +93,6 @@ def key_of(spec: EnvSpec, *, typed: str | None = None) -> str | None:
         InvalidValueError: it names a module to import, and nobody typed it.
     """
     return checked_key(spec, typed) if spec.robot in SOURCES else None
-
-
-def load_again(spec: EnvSpec, *, num_envs: int = 1, **changed: Any) -> OutsideBatch | SharedBatch:
-    """Return worlds of the environment that ``spec`` describes, with the same options but those ``changed``.
-
-    Raises:
-        InvalidValueError: it names a module to import, or was made by a caller.
-    """
-    key = key_of(spec)
-    if key is None:
-        raise InvalidValueError(f"{spec.robot}:{spec.task} was made by a caller; only who made it can make it again.")
-    return load(key, num_envs=num_envs, **{**checked_options(spec), **changed})
 
 
 def _shared(make: MakeBatch, num_envs: int, processes: int) -> OutsideBatch | SharedBatch:

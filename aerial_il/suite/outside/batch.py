@@ -15,6 +15,7 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
+from aerial_il.core.seeding import seeds_of
 from aerial_il.core.specs import NO_CONTROLLER, EnvSpec
 from aerial_il.suite.outside.mujoco_state import MujocoState, editable
 from aerial_il.suite.outside.success import REPORTED, SURVIVED, SuccessRule
@@ -222,15 +223,6 @@ class OutsideBatch(BatchEnvBase):
 
     def _chosen(self, mask: np.ndarray | None) -> list[int]:
         return list(range(self.num_envs)) if mask is None else np.flatnonzero(mask).tolist()
-
-
-def seeds_of(seeds: np.ndarray | int, n: int) -> np.ndarray:
-    """Return the seeds (n,) of n worlds; one integer s stands for s, s + 1, …"""
-    given = np.asarray(seeds)
-    each = given + np.arange(n) if given.ndim == 0 else given
-    if each.shape != (n,):
-        raise InvalidValueError(f"seeds has one entry per world, ({n},), got {each.shape}.")
-    return each
 
 
 def _rule_of(world: World) -> SuccessRule:

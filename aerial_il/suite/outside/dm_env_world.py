@@ -12,7 +12,7 @@ from dm_env import specs
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
-from aerial_il.suite.outside.gymnasium_world import DEFAULT_DT_S, LEVEL
+from aerial_il.suite.outside.gymnasium_world import DEFAULT_DT_S, bounded
 from aerial_il.suite.outside.world import Outcome
 
 MakeEnv = Callable[[int], dm_env.Environment]
@@ -29,11 +29,8 @@ class DmEnvWorld:
         self._env = make(0)
         self._spec: Any = self._env.action_spec()
         shown: Any = self._env.observation_spec()
-        self.observation = ObservationSpec(
-            tuple(
-                _field(name, each) for name, each in (shown if _is_mapping(shown) else {"observation": shown}).items()
-            )
-        )
+        fields = shown.items() if _is_mapping(shown) else (("observation", shown),)
+        self.observation = ObservationSpec(tuple(_field(name, each) for name, each in fields))
         self.action = action_spec(self._spec)
         timestep: Any = getattr(self._env, "control_timestep", None)
         self.control_dt_s = float(timestep()) if timestep else DEFAULT_DT_S
@@ -89,16 +86,11 @@ def action_spec(spec: Any) -> ActionSpec:
     if isinstance(spec, specs.DiscreteArray):
         low, high = np.zeros(spec.num_values), np.ones(spec.num_values)
     elif isinstance(spec, specs.BoundedArray) and np.isfinite([spec.minimum, spec.maximum]).all():
-        low, high = (np.broadcast_to(bound, spec.shape).reshape(-1).astype(float) for bound in _bounds(spec))
+        bounds = (spec.minimum, spec.maximum)
+        low, high = (np.broadcast_to(bound, spec.shape).reshape(-1).astype(float) for bound in bounds)
     else:
         raise InvalidValueError(f"Actions are a BoundedArray with finite bounds or a DiscreteArray, got {spec}.")
-    given = (spec.name or "").split("\t")  # dm_control joins the actuators' names so
-    labels = tuple(given) if len(given) == len(low) == len(set(given)) and all(given) else None
-    return ActionSpec(LEVEL, labels or tuple(f"a{i}" for i in range(len(low))), ("",) * len(low), low, high)
-
-
-def _bounds(spec: specs.BoundedArray) -> tuple[np.ndarray, np.ndarray]:
-    return np.asarray(spec.minimum), np.asarray(spec.maximum)
+    return bounded(low, high, tuple((spec.name or "").split("\t")))  # dm_control joins the actuators' names so
 
 
 def _is_mapping(shown: Any) -> bool:

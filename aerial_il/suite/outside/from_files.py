@@ -16,7 +16,7 @@ DECIDED_HERE = ("key", "name", "make", "source", "num_envs", "processes")  # arg
 
 
 def checked_key(spec: EnvSpec, typed: str | None = None) -> str:
-    """Return the key of an environment from outside as a file tells it.
+    """Return the key of an environment from outside as a file names it.
 
     Args:
         spec: out of the file. typed: the key that the user typed beside it, which may name a module.

@@ -124,6 +124,11 @@ def action_spec(space: spaces.Space[Any], labels: tuple[str, ...] = ()) -> Actio
     else:
         hint = "Wrap the environment first, e.g. in gymnasium.wrappers.RescaleAction or FlattenObservation."
         raise InvalidValueError(f"Actions are a Box with finite bounds or Discrete, got {space}. {hint}")
+    return bounded(low, high, labels)
+
+
+def bounded(low: np.ndarray, high: np.ndarray, labels: tuple[str, ...]) -> ActionSpec:
+    """Return actions between bounds (Da,), named by ``labels`` if there are as many, all different."""
     usable = len(labels) == len(low) and len(set(labels)) == len(labels) and all(labels)
     names = labels if usable else tuple(f"a{i}" for i in range(len(low)))
     return ActionSpec(LEVEL, names, ("",) * len(low), low, high)

@@ -1,7 +1,7 @@
 """The full state of a foreign environment that runs on MuJoCo, so that its recordings can be continued.
 
 Some environments move bodies and targets by writing into the model when they are reset. Such edits are no part of
-MuJoCo's state; the elements that differ between resets are found once and kept beside it.
+MuJoCo's state; the elements that differ between resets are determined once and kept beside it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class MujocoState:
 
     @staticmethod
     def of(resets: list[tuple[Any, dict[str, np.ndarray]]]) -> MujocoState:
-        """Find what resets edit.
+        """Determine what resets edit.
 
         Args:
             resets: after each of several resets, the model and :func:`editable` of it.

@@ -27,7 +27,8 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.suite.outside.batch import OutsideBatch, seeds_of
+from aerial_il.core.seeding import seeds_of
+from aerial_il.suite.outside.batch import OutsideBatch
 from aerial_il.suite.physics.thread_pool import available_cores
 
 LEAST_WORLDS = 8  # in a process: fewer do not pay for its start and its messages
@@ -231,5 +232,5 @@ def joined(answers: list[Any]) -> Any:
 
 
 def processes_for(threads: int, num_envs: int) -> int:
-    """Return among how many processes ``num_envs`` worlds are worth sharing; ``threads``: at most, 0 for all cores."""
+    """Return among how many processes to share ``num_envs`` worlds; ``threads``: at most, 0 for all cores."""
     return max(1, min(threads or available_cores(), num_envs // LEAST_WORLDS))

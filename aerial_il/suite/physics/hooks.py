@@ -12,9 +12,8 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 
-from aerial_il.core.addresses import called, numbers_at, read_at
+from aerial_il.core.addresses import called, intrinsic, numbers_at, read_at
 from aerial_il.core.kernels import kernel
 from aerial_il.suite.physics.native import doubles
 from aerial_il.suite.physics.world import ROW
@@ -64,35 +63,28 @@ def signature(name: str, own: np.ndarray) -> Any:
 
 
 @intrinsic
-def _now_at(_: Any, address: types.Integer) -> Any:
+def now_at(_: Any, address: types.Integer) -> Any:
     return _NOW(address), read_at
 
 
 @intrinsic
-def _effects_at(_: Any, address: types.Integer) -> Any:
+def effects_at(_: Any, address: types.Integer) -> Any:
     return _EFFECTS(address), read_at
 
 
 @intrinsic
-def _arrive(_: Any, address: Any, own: Any, memory: Any, now: Any, action: Any) -> Any:
+def call_arrive(_: Any, address: Any, own: Any, memory: Any, now: Any, action: Any) -> Any:
     return types.void(address, own, memory, now, action), called(types.void, own, ROW, _NOW, ROW)
 
 
 @intrinsic
-def _advance(_: Any, address: Any, own: Any, memory: Any, now: Any) -> Any:
+def call_advance(_: Any, address: Any, own: Any, memory: Any, now: Any) -> Any:
     return types.void(address, own, memory, now), called(types.void, own, ROW, _NOW)
 
 
 @intrinsic
-def _act(_: Any, address: Any, own: Any, memory: Any, now: Any, effects: Any) -> Any:
+def call_act(_: Any, address: Any, own: Any, memory: Any, now: Any, effects: Any) -> Any:
     return types.void(address, own, memory, now, effects), called(types.void, own, ROW, _NOW, _EFFECTS)
-
-
-now_at: Any = _now_at  # an intrinsic is called without its first argument
-effects_at: Any = _effects_at
-call_arrive: Any = _arrive
-call_advance: Any = _advance
-call_act: Any = _act
 
 
 @kernel

@@ -16,10 +16,9 @@ from typing import Any
 
 import mujoco
 from numba import types
-from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
-from aerial_il.core.addresses import read_at
+from aerial_il.core.addresses import intrinsic, read_at
 from aerial_il.core.kernels import kernel
 
 _FOLDER = Path(mujoco.__file__).parent
@@ -42,13 +41,13 @@ mju_mat2quat = types.ExternalFunction("mju_mat2Quat", _NOTHING(_ADDRESS, _ADDRES
 
 
 @intrinsic
-def _pointer(_: Any, address: types.Integer) -> Any:
+def _at(_: Any, address: types.Integer) -> Any:
     """Take an address (integer) as a pointer to doubles."""
     return types.CPointer(types.float64)(address), read_at
 
 
 @intrinsic
-def _fetch_and_add_one(_: Any, address: types.Integer) -> Any:
+def _take_one(_: Any, address: types.Integer) -> Any:
     """Add one to the 64-bit integer at an address, in one indivisible step, and return what was there before."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -56,10 +55,6 @@ def _fetch_and_add_one(_: Any, address: types.Integer) -> Any:
         return builder.atomic_rmw("add", place, context.get_constant(types.int64, 1), "monotonic")
 
     return types.int64(address), generate
-
-
-_at: Any = _pointer  # an intrinsic is called without its first argument
-_take_one: Any = _fetch_and_add_one
 
 
 @kernel

@@ -14,8 +14,8 @@ CORES = "AERIAL_IL_CORES"  # environment: how many cores a process may use, wher
 
 def available_cores() -> int:
     """Cores this process may use."""
-    if (told := os.environ.get(CORES, "")).isdecimal():
-        return max(1, int(told))
+    if (given := os.environ.get(CORES, "")).isdecimal():
+        return max(1, int(given))
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else (os.cpu_count() or 1)
 
 

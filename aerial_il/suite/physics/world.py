@@ -13,11 +13,10 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.extending import intrinsic
 
 from aerial_il.control.dynamics import put, vec
 from aerial_il.control.vehicle import MAX_JOINTS
-from aerial_il.core.addresses import called, read_at
+from aerial_il.core.addresses import called, intrinsic, read_at
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, scale
@@ -66,42 +65,36 @@ class Names:
 
 
 @intrinsic
-def _record_at(_: Any, address: types.Integer) -> Any:
+def record_at(_: Any, address: types.Integer) -> Any:
     """Take an address as that of a :data:`WORLD` record."""
     return RECORD(address), read_at
 
 
 @intrinsic
-def _call_number(_: Any, address: types.Integer, world: types.Record) -> Any:
+def call_number(_: Any, address: types.Integer, world: types.Record) -> Any:
     return NUMBER(address, world), called(NUMBER, RECORD)
 
 
 @intrinsic
-def _call_vector(_: Any, address: types.Integer, world: types.Record) -> Any:
+def call_vector(_: Any, address: types.Integer, world: types.Record) -> Any:
     return VECTOR(address, world), called(VECTOR, RECORD)
 
 
 @intrinsic
-def _call_row(_: Any, address: types.Integer, world: types.Record, row: types.Array) -> Any:
+def call_row(_: Any, address: types.Integer, world: types.Record, row: types.Array) -> Any:
     return types.void(address, world, row), called(types.void, RECORD, ROW)
 
 
 @intrinsic
-def _call_nothing(_: Any, address: types.Integer, world: types.Record) -> Any:
+def call_nothing(_: Any, address: types.Integer, world: types.Record) -> Any:
     return types.void(address, world), called(types.void, RECORD)
 
 
 @intrinsic
-def _call_sensor(_: Any, address: Any, own: Any, world: Any, seen: Any, row: Any) -> Any:
+def call_sensor(_: Any, address: Any, own: Any, world: Any, seen: Any, row: Any) -> Any:
     return types.void(address, own, world, seen, row), called(types.void, own, RECORD, RECORD, ROW)
 
 
-record_at: Any = _record_at  # an intrinsic is called without its first argument
-call_number: Any = _call_number
-call_sensor: Any = _call_sensor
-call_vector: Any = _call_vector
-call_row: Any = _call_row
-call_nothing: Any = _call_nothing
 RETURNS_NUMBER, RETURNS_VECTOR = NUMBER(RECORD), VECTOR(RECORD)
 WRITES_ROW, RETURNS_NOTHING = types.void(RECORD, ROW), types.void(RECORD)
 

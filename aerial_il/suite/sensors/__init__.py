@@ -13,24 +13,10 @@ if TYPE_CHECKING:  # names are listed without importing a compiler
     from aerial_il.suite.sensors.sensor import Sensor
 
 
-def names() -> tuple[str, ...]:
-    """Names of all sensors, in alphabetical order."""
-    return registry.names("sensor")
-
-
-def get(name: str) -> type[Sensor]:
-    """Return the class of the settings of the sensor called ``name``.
-
-    Raises:
-        UnknownNameError: no sensor has that name.
-    """
-    return registry.get("sensor", name)
-
-
 def of(robot: Robot) -> Iterator[tuple[str, Sensor, tuple[Field, ...]]]:
     """Yield name, settings and fields of the sensors that have something to show on a robot, in its order."""
     for name, settings in robot.sensors.items():
-        sensor = get(name)(**settings)
+        sensor: Sensor = registry.get("sensor", name)(**settings)
         if fields := sensor.fields(robot):
             yield name, sensor, fields
 

@@ -1,4 +1,4 @@
-"""Fields of what tasks show, by how a robot would know them: seen, felt, or told by its user."""
+"""Fields of what tasks show, by how a robot would know them: seen, felt, or given by its user."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from aerial_il.core.specs import Field
 XYZ, COS_SIN = ("x", "y", "z"), ("cos", "sin")
 SEEN = "bias and noise of the object's pose, seen late; exact without `estimation`"
 FELT = "bias and white noise of a force sensor; exact without `estimation`"
-TOLD = "exact: the user tells it"
+GIVEN = "exact: the user gives it"
 OWN = "that of the robot's own estimate, see `base_pos`"
 EXACT = "exact in every tier"
 

@@ -16,7 +16,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, air_force, base_mat, base_pos, site_mat, site_pos, untouched
 from aerial_il.suite.props.marker import add_marker
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.fields import COS_SIN, OWN, TOLD, direction, seen
+from aerial_il.suite.tasks.fields import COS_SIN, GIVEN, OWN, direction, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 SETTLED_M, SETTLED_RAD = 0.05, math.radians(3.0)
@@ -69,8 +69,8 @@ class Hover(Task):
 
     def fields(self) -> tuple[Field, ...]:
         return (
-            seen("target_pos", "the marked point", noise=TOLD),
-            direction("target_heading", "required heading", labels=COS_SIN, noise=TOLD),
+            seen("target_pos", "the marked point", noise=GIVEN),
+            direction("target_heading", "required heading", labels=COS_SIN, noise=GIVEN),
             seen("base_to_target", "from the hub to the marked point", noise=OWN),
             direction("heading_error", "from the base's heading to the required one", labels=COS_SIN, noise=OWN),
         )

@@ -119,10 +119,10 @@ def observe(world, found):
 @kernel
 def remember(world):
     state, felt = task_state(world), normal_force(world) >= TOUCH_N
-    begun = felt and not in_touch(world)
-    if begun:
+    started = felt and not in_touch(world)
+    if started:
         put(state, CONTACT, tip_pos(world))
-    if begun or not felt:
+    if started or not felt:
         state[PRESSED] = state[IN_BAND] = 0.0
     if felt:
         state[PRESSED] += SUBSTEPS

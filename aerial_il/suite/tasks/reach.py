@@ -16,7 +16,7 @@ from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, put_rot6d, site_mat, site_pos, tool_mat, tool_pos, untouched
 from aerial_il.suite.props.marker import add_marker
-from aerial_il.suite.tasks.fields import OWN, TOLD, seen
+from aerial_il.suite.tasks.fields import GIVEN, OWN, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 POSITION_TOLERANCE_M = 0.02
@@ -81,8 +81,8 @@ class Reach(Task):
 
     def fields(self) -> tuple[Field, ...]:
         return (
-            seen("target_pos", "the marked point", noise=TOLD),
-            seen("target_rot6d", "of the required rotation", 6, unit="", frame="world from target", noise=TOLD),
+            seen("target_pos", "the marked point", noise=GIVEN),
+            seen("target_rot6d", "of the required rotation", 6, unit="", frame="world from target", noise=GIVEN),
             seen("tool_to_target", "from the tool to the marked point", noise=OWN),
         )
 

@@ -76,7 +76,7 @@ class Task(ABC):
         commanded: sites and mocap bodies of ``names`` that the user gives the robot as numbers: it need not see them,
             and they are exact in every tier.
         privileged: fields that no real robot has, each with the reason.
-        goal: which fields tell what is wanted and what has been achieved, and what any of it is paid, where success is
+        goal: which fields hold what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
         scene_height_m: of the point that the camera ``scene`` looks at.
     """

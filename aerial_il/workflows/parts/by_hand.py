@@ -42,7 +42,7 @@ def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by
         said.append(f"no-ops left out, actions become the pose reached {LOOKAHEAD_S:g} s later")
     if not chose_view(policy):
         policy = egocentric(policy)
-        said.append("the policy sees from the tool, blind to the robot's own pose")
+        said.append("the policy sees from the tool, without the robot's own pose")
     if said:
         who = ", ".join(sorted({str(e.provenance.get("policy", "unknown")) for e in flown}))
         log.info("Flown by hand (%s): %s. As recorded: dataset.by_hand=false", who, "; ".join(said))

@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), failures: bool = False
+    path: str, *, limit: int | None, images: Sequence[str] = (), failures: bool = False, states: bool = False
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 
@@ -22,18 +22,19 @@ def open_demonstrations(
 
     Args:
         path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
-        failures: whether failed flights are learned from too.
+        failures: whether failed flights are learned from too. states: whether the simulator's states are wanted, for
+            demonstrations that are recorded once more.
 
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
     if limit is None:
-        return open_dataset(path, cameras=tuple(images), failures=failures)
+        return open_dataset(path, cameras=tuple(images), failures=failures, states=states)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
-    dataset = open_dataset(path)
+    dataset = open_dataset(path, states=states)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -42,7 +43,7 @@ def open_demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return open_dataset(path, cameras=tuple(images)).only([episode.uid for episode in chosen])
+        return open_dataset(path, cameras=tuple(images), states=states).only([episode.uid for episode in chosen])
     return chosen
 
 

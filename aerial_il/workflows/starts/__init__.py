@@ -14,6 +14,7 @@ FILES = {  # kind -> the text of this folder, and where it belongs below a check
     "disturbance": {"disturbance.py.txt": "aerial_il/suite/disturbances/$name.py"},
     "sensor": {"sensor.py.txt": "aerial_il/suite/sensors/$name.py"},
     "controller": {"controller.py.txt": "aerial_il/control/controllers/$name.py"},
+    "format": {"format.py.txt": "aerial_il/data/formats/$name.py"},
     "policy": {"policy.py.txt": "aerial_il/policies/$name.py"},
     "algorithm": {"algorithm.py.txt": "aerial_il/algorithms/$name.py"},
     "study": {"study.py.txt": "experiments/$name/study.py"},

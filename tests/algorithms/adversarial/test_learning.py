@@ -69,7 +69,7 @@ def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_dac_imitates_without_reward_and_not_without_demonstrations(tmp_path: Path) -> None:
+def test_dac_imitates_by_demonstrations_without_a_reward(tmp_path: Path) -> None:
     settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 2_500})
     demos = demonstrations(10)
     assert learn(settings, tmp_path / "dac", demos) > 0.9
@@ -130,7 +130,7 @@ def test_the_learned_reward_shows_where_the_demonstrator_was(tmp_path: Path) -> 
         load_reward(tmp_path / "nowhere")
 
 
-@pytest.mark.parametrize("name", train_flying.SETTINGS)
+@pytest.mark.parametrize("name", ["dac", "gail", "airl"])
 def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     whole, run = tmp_path / "whole", tmp_path / "run"
     train_flying.train(name, str(whole))
@@ -187,10 +187,3 @@ def test_impossible_settings_are_refused(name: str) -> None:
         if key in known:
             with pytest.raises(InvalidValueError, match=key.rpartition(".")[2]):
                 made(type(settings), {key: value}, settings)
-
-
-def test_another_environment_is_refused(tmp_path: Path) -> None:
-    from tests.algorithms.point_mass import PointMassBatch
-
-    with pytest.raises(InvalidValueError, match="another environment"):
-        train_flying.SETTINGS["dac"].train(demonstrations(2), POLICY, env=PointMassBatch(2), run=tmp_path)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il.algorithms.adversarial.action_noise import with_action_noise
 from aerial_il.algorithms.adversarial.discriminator import (
     REWARDS,
     Discriminator,
@@ -17,7 +16,7 @@ from aerial_il.algorithms.adversarial.discriminator import (
     cross_entropy,
     gradient_penalty,
 )
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
+from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape, with_action_noise
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.off_policy.loop import lr_at
 from aerial_il.algorithms.online.collector import Collector
@@ -89,7 +88,7 @@ def test_an_end_leads_to_an_absorbing_state_and_a_cut_does_not() -> None:
     assert len(plain.obs) == 3
 
 
-def test_the_memory_forgets_the_oldest_and_draws_the_same_after_a_restart() -> None:
+def test_the_buffer_drops_the_oldest_and_samples_on_when_resumed() -> None:
     memory = ReplayBuffer(5, 1, 1, np.random.default_rng(0))
     row = np.arange(8, dtype=np.float32)[:, None] * np.ones((1, 7), np.float32)
     memory.add(row[:4])

@@ -11,7 +11,6 @@ import pytest
 import torch
 
 from aerial_il import algorithms
-from aerial_il.algorithms.off_policy.problems import relabelled_scheme
 from aerial_il.algorithms.online.collector import Collector, RewardScheme
 from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.interface import plain_interface
@@ -25,9 +24,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
+from tests.algorithms.drift import SPEC, Drift, Silent, demonstrations, mean_reward
 from tests.algorithms.made import made, names
-from tests.algorithms.point_mass import StepResult
 
 SHOWN = [n for n in algorithms.names() if "demonstrations" in names(cls := algorithms.get(n)) and cls.rewarded]
 each = pytest.mark.parametrize("name", SHOWN)
@@ -47,15 +45,6 @@ def short(name: str, **changes: Any) -> Any:
 def train(settings: Any, run: Path, demos: list[Episode], env: Any = None) -> Any:
     options = {"env": env or Drift(8), "run": run, "seed": 1, "progress": False}
     return settings.train(demos, POLICY, **options)
-
-
-class Silent(Drift):
-    """Pays nothing and is never solved, whatever is done."""
-
-    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
-        result = super().step(actions, mask)
-        nothing = np.zeros(self.num_envs)
-        return replace(result, reward=nothing, info={**result.info, "success": nothing.astype(bool)})
 
 
 @each
@@ -178,14 +167,6 @@ def test_critics_drawn_from_an_ensemble_are_those_of_all() -> None:
     assert torch.equal(drawn, critics(seen.obs, seen.actions)[[4, 1]])
 
 
-def test_layer_norm_bounds_values_far_away() -> None:
-    torch.manual_seed(0)
-    plain, normed = Critics(4, (32, 32), 2), Critics(4, (32, 32), 2, layer_norm=True)
-    far = batch()._replace(obs=1e6 * batch().obs)
-    assert plain(far.obs, far.actions).abs().max() > 1e3
-    assert normed(far.obs, far.actions).abs().max() < 10.0
-
-
 def test_more_critics_are_drawn_than_there_are() -> None:
     with pytest.raises(InvalidValueError, match=r"between 1 and critics\.count, 2"):
         made(RLPD, {"critics": 2, "subset": 3})
@@ -198,18 +179,6 @@ def test_the_pull_moves_the_actor_to_demonstrated_actions() -> None:
     for _ in range(200):
         agent.update(demos, demos)
     assert torch.allclose(agent.actor(demos.obs[:, None, :2])[:, 0], demos.actions, atol=0.1)
-
-
-def test_rows_of_demonstrations_keep_their_rewards() -> None:
-    rows = rows_of(
-        np.zeros((2, 2)),
-        np.zeros((2, 1)),
-        np.array([0.5, 2.0]),
-        np.ones((2, 2)),
-        np.array([False, True]),
-        absorbing=True,
-    )
-    np.testing.assert_allclose(rows[:, -2], [0.5, 2.0, 2.0])
 
 
 def test_in_an_absorbing_state_no_action_is_rough() -> None:
@@ -250,5 +219,5 @@ def test_a_crash_is_not_absorbed_where_rewards_teach() -> None:
 def test_advice_names_what_the_algorithm_has() -> None:
     assert "algorithm.reward=environment" not in reward_scheme(short("ibrl")).advice
     assert "algorithm.reward=environment" in reward_scheme(short("ibrl", reward="sparse")).advice
-    assert "hindsight.goals=4 algorithm.reward=environment" in relabelled_scheme(short("iql", reward="sparse")).advice
+    assert "hindsight.goals=4 algorithm.reward=environment" in reward_scheme(short("iql", reward="sparse")).advice
     assert "hindsight" not in reward_scheme(short("ibrl", reward="sparse")).advice

@@ -45,9 +45,3 @@ def test_noise_goes_on_where_it_was_interrupted(actor: SquashedGaussianNetwork) 
     wanted = drawn(before, actor, 2)
     torch.manual_seed(1)
     np.testing.assert_array_equal(drawn(after, actor, 2), wanted)
-
-
-def test_a_checkpoint_from_before_there_was_correlation_is_taken(actor: SquashedGaussianNetwork) -> None:
-    independent = ExplorationNoise(0.1)
-    assert not independent.snapshot().arrays
-    independent.restore(independent.snapshot())

@@ -1,4 +1,4 @@
-"""Actor-critics that begin with a clone: it flies first, critics learn its value, and other weights are refused."""
+"""Actor-critics that start from a clone: it flies first, critics learn its value, and other weights are refused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.off_policy.from_prior import explored
+from aerial_il.algorithms.off_policy.problems import explored
 from aerial_il.algorithms.online.interface import decode
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
@@ -70,34 +70,34 @@ def test_in_the_warm_up_the_prior_flies_and_critics_learn(tmp_path: Path, name: 
         return {}
 
     watched = {"evaluate": evaluate, "evaluate_every": 160}
-    begun, random = train(name, tmp_path / "begun", prior=str(prior), **watched), train(name, tmp_path / "random")
+    started, random = train(name, tmp_path / "started", prior=str(prior), **watched), train(name, tmp_path / "random")
     np.testing.assert_array_equal(taken[160], load_policy(prior).act(obs))
     assert not np.array_equal(taken[320], taken[160]), "the actor learns when the warm-up is over"
-    rows = (read_metrics(tmp_path / run) for run in ("begun", "random"))
-    first, blind = (next(row for row in found if "episode/return" in row) for found in rows)
-    assert first["episode/return"] > blind["episode/return"] + 1.0
+    rows = (read_metrics(tmp_path / run) for run in ("started", "random"))
+    first, aimless = (next(row for row in found if "episode/return" in row) for found in rows)
+    assert first["episode/return"] > aimless["episode/return"] + 1.0
     assert "critic/loss" in first
     assert "actor/loss" not in first
-    assert "critic/loss" not in blind
-    assert random.config == begun.config
+    assert "critic/loss" not in aimless
+    assert random.config == started.config
 
 
 @each
 def test_it_goes_on_from_its_prior(tmp_path: Path, name: str, prior: Path) -> None:
     """In as many steps as bring a new actor nowhere near."""
     entropy = {"alpha": 0.01} if name == "sac" else {}
-    begun = train(name, tmp_path / "begun", prior=str(prior), lr=1e-3, **entropy)
+    started = train(name, tmp_path / "started", prior=str(prior), lr=1e-3, **entropy)
     fresh = train(name, tmp_path / "fresh", lr=1e-3, **entropy)
-    assert mean_reward(begun) > mean_reward(fresh) + 0.05
+    assert mean_reward(started) > mean_reward(fresh) + 0.05
     obs = Drift(9).reset(0)
-    assert not np.array_equal(begun.fresh().act(obs), load_policy(prior).act(obs)), "it learned"
+    assert not np.array_equal(started.fresh().act(obs), load_policy(prior).act(obs)), "it learned"
 
 
 @each
 def test_weights_of_another_class_or_size_are_refused(
     tmp_path: Path, name: str, prior: Path, chunked: Path, narrow: Path
 ) -> None:
-    with pytest.raises(InvalidValueError, match=r"cannot begin with.*chunk: 3 there, 1 here.*algorithm=ibrl"):
+    with pytest.raises(InvalidValueError, match=r"cannot start with.*chunk: 3 there, 1 here.*algorithm=ibrl"):
         train(name, tmp_path / "run", prior=str(chunked))
     with pytest.raises(InvalidValueError, match=r"hidden: \[?\(?8.*there.*16"):
         train(name, tmp_path / "run", prior=str(narrow))
@@ -156,9 +156,9 @@ def test_a_prior_with_an_anchor_is_gone_on_from(tmp_path: Path, name: str) -> No
     cloning.train(point_mass.demonstrations(4), policy, run=tmp_path / "prior", progress=False)
     settings = made(algorithms.get(name), {**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
     env = point_mass.PointMassBatch(8)
-    begun = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
+    started = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
     assert "actor/loss" in read_metrics(tmp_path / "run")[-1]
     again, obs = load_policy(tmp_path / "run"), env.reset(0)
     flown = again.act(obs)
-    np.testing.assert_array_equal(flown, begun.act(obs))
+    np.testing.assert_array_equal(flown, started.act(obs))
     np.testing.assert_allclose(flown[:, 3:9], np.tile(point_mass.ROT6D, (8, 1)), atol=1e-6)

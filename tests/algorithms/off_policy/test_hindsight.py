@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from aerial_il import algorithms
 from aerial_il.algorithms.off_policy.hindsight import Relabeller
@@ -123,21 +122,6 @@ def success_rate(policy: Any) -> float:
         result = env.step(policy.act(obs))
         obs, done = result.obs, result.info["success"]
     return float(done.mean())
-
-
-def test_with_hindsight_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path) -> None:
-    """Stopped in the middle of its episodes, whose beginnings must be kept too."""
-    settings = short("ddpg", steps=240, warmup=40, evaluate_every=104, **{"hindsight.goals": 2})
-    whole = train(settings, tmp_path / "whole", Sought(8), evaluate=lambda policy, step: {})
-
-    def stop(policy: Any, step: int) -> dict[str, float]:
-        raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        train(settings, tmp_path / "run", Sought(8), evaluate=stop)
-    again = train(settings, tmp_path / "run", Sought(8), evaluate=lambda policy, step: {})
-    for mine, theirs in zip(again.network.parameters(), whole.network.parameters(), strict=True):
-        assert torch.equal(mine, theirs)
 
 
 def test_hindsight_is_refused_where_no_goal_is_told_or_seen(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from aerial_il import algorithms
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.online.demonstrations import read_transitions
+from aerial_il.algorithms.online.problem import Given
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
@@ -84,7 +85,7 @@ def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> No
     plain = read_transitions(demos, POLICY, trajectories=None, subsample=1, smoothness=smoothness, seed=0)[1]
     for tolerance in (1.0, 0.5):
         settings = short(name, **{"hindsight.tolerance": tolerance}, smoothness=smoothness)
-        found = settings.problem(demos, POLICY, env, 0)
+        found = settings.problem(Given(demos, POLICY, env, 0))
         paid = np.abs(plain.next_frames[:, 0] - plain.next_frames[:, 1]) <= NEAR * tolerance
         np.testing.assert_allclose(found.demos.rewards, paid - plain.penalties)
         assert plain.terminal.sum() == 6

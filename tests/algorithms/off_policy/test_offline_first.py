@@ -13,7 +13,7 @@ import pytest
 import torch
 
 from aerial_il import algorithms
-from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
+from aerial_il.algorithms.iql import IQL, ImplicitAgent
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, mixed
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.checkpoint import ARRAYS
@@ -106,17 +106,6 @@ def test_flights_make_it_better_than_the_dataset_did(tmp_path: Path, name: str) 
     offline = train(name, tmp_path / "offline", steps=8, **few)
     online = train(name, tmp_path / "online", steps=4_000, **few)
     assert mean_reward(online) > mean_reward(offline) + 0.05
-
-
-def test_an_expectile_lies_between_the_mean_and_the_best() -> None:
-    tried = torch.tensor([0.0, 0.0, 0.0, 1.0])
-    places = torch.linspace(0, 1, 1001)
-    least = {
-        tau: places[torch.stack([expectile_loss(tried - p, tau) for p in places]).argmin()] for tau in (0.5, 0.7, 0.99)
-    }
-    assert least[0.5] == pytest.approx(0.25, abs=2e-3)
-    assert least[0.7] == pytest.approx(0.7 / (0.7 + 3 * 0.3), abs=2e-3)
-    assert least[0.99] > 0.95
 
 
 def batch(size: int = 16) -> Batch:

@@ -14,12 +14,17 @@ from aerial_il.algorithms.ppo import PPO
 from aerial_il.core.errors import InvalidValueError
 
 
-def test_advantages_are_the_direct_sum_over_what_is_left_of_each_episode() -> None:
+def of_steps(*columns: np.ndarray, **factors: float) -> np.ndarray:
+    """Return the advantages of steps that are a decision each."""
+    return gae(*columns, np.ones_like(columns[0], bool), **factors)[0]
+
+
+def test_advantages_are_the_sum_over_the_rest_of_each_episode() -> None:
     rng = np.random.default_rng(0)
     rewards, values, later = rng.normal(size=(3, 12, 4))
     ended = rng.random((12, 4)) < 0.2
     gamma, decay = 0.9, 0.8
-    found = gae(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
+    found = of_steps(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
     for world in range(4):
         for t in range(12):
             total, weight = 0.0, 1.0
@@ -36,9 +41,9 @@ def test_a_time_limit_is_no_loss() -> None:
     gamma = 0.9
     rewards, value = np.ones((6, 1)), np.full((6, 1), 1 / (1 - gamma))
     ended = np.array([[False], [False], [True]] * 2)
-    np.testing.assert_allclose(gae(rewards, value, value, ended, gamma=gamma, gae_lambda=0.95), 0.0, atol=1e-12)
+    np.testing.assert_allclose(of_steps(rewards, value, value, ended, gamma=gamma, gae_lambda=0.95), 0.0, atol=1e-12)
     lost = np.where(ended, 0.0, value)
-    assert (gae(rewards, value, lost, ended, gamma=gamma, gae_lambda=0.95) < 0).all()
+    assert (of_steps(rewards, value, lost, ended, gamma=gamma, gae_lambda=0.95) < 0).all()
 
 
 def test_scaled_rewards_have_returns_of_deviation_one() -> None:

@@ -12,9 +12,9 @@ import torch
 from aerial_il.algorithms.on_policy.advantages import Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
+from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.gate import ReturnGate
-from aerial_il.algorithms.on_policy.loop import Agent
+from aerial_il.algorithms.on_policy.loop import Agent, judged
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.ppo import PPO
@@ -33,23 +33,21 @@ class Seen:
         return obs[..., 0]
 
 
+SEEN = cast(Agent, Seen())
+
+
 def advantages(decided: list[int], values: np.ndarray, after: np.ndarray, rewards: np.ndarray, **ends: Any) -> Judged:
     """Return what is made of the decisions of one world in six steps, at a discount of a half."""
     steps, chosen = np.arange(6), PPO(gamma=0.5, gae_lambda=ends.pop("gae_lambda", 0.8))
     flags = [np.isin(steps, which)[:, None] for which in (decided, ends.get("terminal", ()), ends.get("truncated", ()))]
     seen, led = (numbers[:, None, None] for numbers in (values, after))
     rollout = Decisions(seen, flags[0], np.zeros((6, 1, 1)), led, rewards[:, None], *flags[1:])
-    found = judged(rollout, chosen)
+    found = judged(rollout, rollout.rewards, 0.0, SEEN, chosen)
     assert found is not None
     return found
 
 
-def judged(rollout: Decisions, settings: PPO) -> Judged | None:
-    nobody: Any = None  # flies: the rollout is there
-    return DecisionFlights(nobody, nobody).judged(rollout, rollout.rewards, cast(Agent, Seen()), settings, 0.0)
-
-
-def test_a_decision_is_worth_what_is_paid_until_the_next_one() -> None:
+def test_a_decision_has_the_value_of_what_is_paid_until_the_next() -> None:
     """Decisions at steps 0, 2 and 5, each step paid its number; the last decision is cut by the rollout's end."""
     values = np.arange(10.0, 16.0)
     found = advantages([0, 2, 5], values, values + 1.0, np.arange(6.0))  # a step's end is worth the next one's start
@@ -62,16 +60,16 @@ def test_a_decision_is_worth_what_is_paid_until_the_next_one() -> None:
     assert found.value == pytest.approx(37 / 3)
 
 
-@pytest.mark.parametrize(("kind", "worth"), [("terminal", 0.0), ("truncated", 7.0)])
-def test_nothing_follows_an_end_and_a_cut_is_worth_what_the_critic_sees(kind: str, worth: float) -> None:
+@pytest.mark.parametrize(("kind", "value"), [("terminal", 0.0), ("truncated", 7.0)])
+def test_nothing_follows_an_end_but_the_critic_speaks_of_a_cut(kind: str, value: float) -> None:
     found = advantages([0, 2], np.zeros(6), np.full(6, 7.0), np.ones(6), gae_lambda=1.0, **{kind: (1,)})
-    assert found.data.advantages[0] == pytest.approx(1 + 0.5 + 0.25 * worth), "whatever comes in the next episode"
+    assert found.data.advantages[0] == pytest.approx(1 + 0.5 + 0.25 * value), "whatever comes in the next episode"
 
 
 def test_a_single_decision_is_compared_with_nothing() -> None:
     alone, never = np.zeros((6, 1, 1)), np.zeros((6, 1), bool)
     rollout = Decisions(alone, (np.arange(6) == 0)[:, None], alone, alone, np.zeros((6, 1)), never, never)
-    assert judged(rollout, PPO()) is None
+    assert judged(rollout, rollout.rewards, 0.0, SEEN, PPO()) is None
 
 
 def actor(correlation: float = 0.9, deviation: float = 0.2) -> ChunkActor:
@@ -127,10 +125,10 @@ def move(weight: torch.Tensor) -> torch.Tensor:
 GOOD, BAD = returns(*[1.0, 0.0] * 10), returns(*[0.0] * 20)
 
 
-def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_did_not() -> None:
+def test_weights_that_fly_worse_give_way_to_the_last_good_ones() -> None:
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
-    begun = weight.detach().clone()
+    first = weight.detach().clone()
     assert not gate.passes(*GOOD, warming_up=True), "nothing is learned yet"
     assert gate.passes(*GOOD, warming_up=False)
     moved = move(weight)
@@ -139,11 +137,11 @@ def test_weights_that_fly_worse_than_the_prior_are_given_up_for_the_last_that_di
     assert not gate.passes(*BAD, warming_up=False)
     torch.testing.assert_close(weight.detach(), moved)
     assert not gate.passes(*returns(*[0.0] * 60), warming_up=False), "what was kept is worse after all"
-    torch.testing.assert_close(weight.detach(), begun)
+    torch.testing.assert_close(weight.detach(), first)
     assert gate.passes(*GOOD, warming_up=False), "back at the prior, it goes on to learn"
 
 
-def test_weights_that_were_given_up_to_may_go_on_where_they_were_unlucky_once() -> None:
+def test_weights_that_were_unlucky_once_may_go_on() -> None:
     one = actor()
     gate, weight = ReturnGate(one, 1, errors=2.0), one.network.layers[-1].bias
     assert gate.passes(*GOOD, warming_up=False)
@@ -170,14 +168,14 @@ def test_short_rollouts_are_judged_together() -> None:
     few, bad = returns(1.0, 1.0, 1.0, 1.0), returns(0.0, 0.0, 0.0, 0.0)
     assert [gate.passes(*few, warming_up=False) for _ in range(3)] == [False, False, True], "the prior flies until ten"
     weight = one.network.layers[-1].bias
-    begun = weight.detach().clone()
+    first = weight.detach().clone()
     move(weight)
     assert gate.passes(*bad, warming_up=False)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
         assert resumed.passes(*bad, warming_up=False)
         assert not resumed.passes(*bad, warming_up=False)
-        torch.testing.assert_close(weight.detach(), begun)
+        torch.testing.assert_close(weight.detach(), first)
         move(weight)
 
 
@@ -188,10 +186,10 @@ def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
     assert not gate.passes(*quick, warming_up=True)
     assert gate.passes(*usual, warming_up=False), "the weights are the prior's still"
     weight = one.network.layers[-1].bias
-    begun = weight.detach().clone()
+    first = weight.detach().clone()
     move(weight)
     assert not gate.passes(*worse, warming_up=False)
-    torch.testing.assert_close(weight.detach(), begun)
+    torch.testing.assert_close(weight.detach(), first)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
         assert resumed.passes(*usual, warming_up=False), "back at the prior, it goes on to learn"
@@ -222,7 +220,7 @@ class Ramp(ChunkNetwork):
 
 
 @pytest.mark.parametrize(("goes_on", "wanted"), [(1.0, 0.1**2), (0.0, (0.1**2 + 0.1**2 + 0.2**2) / 3)])
-def test_caps_of_chunks_counts_changes_from_each_flown_step_to_the_next(goes_on: float, wanted: float) -> None:
+def test_caps_of_chunks_counts_changes_between_flown_steps(goes_on: float, wanted: float) -> None:
     """Chunks that go on where the last one ended are smoother than ones that jump back at every decision."""
     here = torch.tensor([[0.0], [5.0]])  # steps so far; three are flown of each chunk
     kinds = {"history": 1, "execute": 3, "explored": np.ones(1, bool), "deviation": 0.2, "correlation": 0.9}

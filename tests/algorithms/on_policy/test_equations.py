@@ -40,9 +40,7 @@ def judged_rows(raw: list[float], advantages: list[float]) -> Advantages:
     ("ratio", "better", "worse"),
     [(1.5, False, True), (0.5, True, False), (1.1, True, True), (0.9, True, True)],
 )
-def test_no_gradient_leads_further_where_probabilities_have_changed_enough_but_one_leads_back(
-    ratio: float, better: bool, worse: bool
-) -> None:
+def test_clipped_gradients_lead_back_but_not_further(ratio: float, better: bool, worse: bool) -> None:
     """Two actions that became more, or less, likely by one factor: a better one of normalised advantage 1 / sqrt(2),
     and a worse one. A deviation of 1 around 0: the density of ``raw`` changes by ``-raw``."""
     settings = PPO(clip=0.2, **SMALL)
@@ -104,7 +102,7 @@ def density(agent: AugmentedAgent, obs: Tensor, drawn: Tensor) -> Tensor:
     return (-0.5 * apart - agent.actor.log_std - 0.5 * math.log(2 * math.pi)).sum(1)
 
 
-def test_demonstrations_weigh_their_share_of_the_best_advantage_and_less_from_turn_to_turn(clone: ChunkPolicy) -> None:
+def test_demonstrations_weigh_a_share_of_the_best_advantage(clone: ChunkPolicy) -> None:
     """Equations 4 and 5 of the source, over the number of decisions; through the warm-up no turn is counted."""
     agent, shown = augmented(clone, demos_weight=0.5, demos_decay=0.25)
     advantages = torch.linspace(-1.0, 2.0, FLOWN)
@@ -122,7 +120,7 @@ def test_demonstrations_weigh_their_share_of_the_best_advantage_and_less_from_tu
     assert weights == [0.5, 0.125, 0.03125]
 
 
-def test_what_is_shown_are_the_chunks_of_the_demonstrations_and_what_was_seen_before_them(clone: ChunkPolicy) -> None:
+def test_what_is_shown_are_chunks_and_what_was_seen_before_them(clone: ChunkPolicy) -> None:
     _, shown = augmented(clone)
     seen, drawn = (part.numpy() for part in shown.draw(10**6))
     flights = [
@@ -135,7 +133,7 @@ def test_what_is_shown_are_the_chunks_of_the_demonstrations_and_what_was_seen_be
     np.testing.assert_allclose(found, wanted, atol=1e-4)
 
 
-def test_no_more_than_so_many_windows_are_shown_in_a_turn_and_others_in_the_next(
+def test_each_turn_shows_so_many_windows_and_the_next_others(
     clone: ChunkPolicy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     agent, shown = augmented(clone, shown=8)
@@ -153,7 +151,7 @@ def test_no_more_than_so_many_windows_are_shown_in_a_turn_and_others_in_the_next
     assert not torch.equal(*turns)
 
 
-def test_a_step_leads_to_demonstrated_actions_as_far_as_they_weigh(clone: ChunkPolicy) -> None:
+def test_steps_lead_to_demonstrated_actions_as_these_weigh(clone: ChunkPolicy) -> None:
     """The same rollout, whose advantages are drawn blindly."""
     nearer = []
     for weight in (0.0, 10.0):
@@ -172,7 +170,7 @@ def test_a_step_leads_to_demonstrated_actions_as_far_as_they_weigh(clone: ChunkP
     assert nearer[1] > 3 * abs(nearer[0])
 
 
-def test_where_no_action_was_better_than_another_demonstrations_do_not_count(clone: ChunkPolicy) -> None:
+def test_without_a_better_action_demonstrations_do_not_count(clone: ChunkPolicy) -> None:
     """As in the source: their weight is a share of the best advantage, which then is 0."""
     agent, _ = augmented(clone, demos_weight=10.0)
     before = [p.detach().clone() for p in agent.actor.parameters()]
@@ -211,7 +209,7 @@ def test_the_pull_to_the_prior_is_zero_there() -> None:
 
 
 @pytest.mark.parametrize("centre", [0.5, -0.3])
-def test_elsewhere_the_pull_is_the_divergence_from_the_prior_and_leads_back_to_it(centre: float) -> None:
+def test_elsewhere_the_pull_is_the_divergence_and_leads_back(centre: float) -> None:
     agent = anchored(kl=3.0)
     move_actor(agent.actor, [centre], math.log(0.8))
     found, moved = pull(agent), math.atanh(centre) - math.atanh(0.2)
@@ -221,7 +219,7 @@ def test_elsewhere_the_pull_is_the_divergence_from_the_prior_and_leads_back_to_i
     assert slope.item() == pytest.approx(3.0 * moved / 0.5**2, rel=1e-4), "against it, a step leads back"
 
 
-def test_the_pull_fades_with_the_training_and_brings_back_what_nothing_holds() -> None:
+def test_the_pull_fades_and_brings_back_what_nothing_holds() -> None:
     agent = anchored(kl=3.0, lr=0.01, rollout=Rollout(steps=128, epochs=20, batch_size=4))
     move_actor(agent.actor, [0.5], math.log(0.5))
     away = (math.atanh(0.5) - math.atanh(0.2)) ** 2 / (2 * 0.5**2)

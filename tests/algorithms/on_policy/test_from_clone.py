@@ -22,9 +22,8 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.residual import ResidualPolicy
-from tests.algorithms.drift import SPEC, Drift, Guide, demonstrations, mean_reward
+from tests.algorithms.drift import SPEC, Drift, Guide, Silent, demonstrations, mean_reward
 from tests.algorithms.made import made
-from tests.algorithms.point_mass import StepResult
 
 NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), FromClone)]
 CHUNKED = [n for n in NAMES if hasattr(algorithms.get(n), "exploration")]
@@ -150,15 +149,6 @@ def test_demonstrations_longer_than_episodes_are_refused(tmp_path: Path, name: s
     env.spec = replace(SPEC, max_steps=5)
     with pytest.raises(InvalidValueError, match=r"takes 12 steps, and episodes end after 5.*horizon=12"):
         train(name, tmp_path / "run", env=env)
-
-
-class Silent(Drift):
-    """Pays nothing and is never solved."""
-
-    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
-        result = super().step(actions, mask)
-        nothing = np.zeros(self.num_envs)
-        return replace(result, reward=nothing, info={**result.info, "success": nothing.astype(bool)})
 
 
 @each

@@ -91,7 +91,7 @@ def test_a_lent_environment_goes_on_as_if_nothing_had_been_flown() -> None:
         np.testing.assert_array_equal(one.truncated, other.truncated)
 
 
-def test_a_slow_prior_is_given_the_time_that_it_has_when_it_is_used(tmp_path: Path, prior: Path) -> None:
+def test_trials_give_a_slow_prior_its_whole_time(tmp_path: Path, prior: Path) -> None:
     """Episodes of practice are cut after three steps; those of a trial last twelve, and return more."""
     train("bc_ppo", tmp_path, prior=str(prior), patience=0.25, steps=2_560, **TRIAL)
     rows = [row for row in read_metrics(tmp_path) if "trial/return" in row]

@@ -21,7 +21,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-from tests.algorithms.drift import SPEC, Drift
+from tests.algorithms.drift import SPEC, Drift, Silent
 from tests.algorithms.made import made, names
 
 TAUGHT = {n: algorithms.get(n) for n in algorithms.names()}
@@ -100,13 +100,6 @@ def test_what_the_warm_up_kept_is_standardised_when_it_ends(tmp_path: Path) -> N
     again = train(settings, tmp_path / "run", Drift(8), evaluate=lambda policy, step: {})
     for mine, theirs in zip(again.network.parameters(), whole.network.parameters(), strict=True):
         assert torch.equal(mine, theirs)
-
-
-class Silent(Drift):
-    """Pays nothing, whatever is done."""
-
-    def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
-        return replace(super().step(actions, mask), reward=np.zeros(self.num_envs))
 
 
 @pytest.mark.parametrize("name", REWARDED)

@@ -51,13 +51,13 @@ def test_a_run_in_which_nothing_is_learned_is_refused(tmp_path: Path, name: str)
 @each
 def test_a_run_that_is_one_step_longer_learns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     before: list[torch.Tensor] = []
-    begin = OnlineRun.begin
+    start = OnlineRun.start
 
     def noted(run: OnlineRun, actor: Any, parts: Any) -> None:
         before.extend(weights.detach().clone() for weights in actor.parameters())
-        begin(run, actor, parts)
+        start(run, actor, parts)
 
-    monkeypatch.setattr(OnlineRun, "begin", noted)
+    monkeypatch.setattr(OnlineRun, "start", noted)
     longest = max(FLOWN[name].values(), default=0)
     policy = train(short(name, steps=longest + 1), tmp_path)
     assert any(not torch.equal(*pair) for pair in zip(before, policy.network.parameters(), strict=True))
@@ -71,3 +71,9 @@ def test_what_has_learned_before_may_fly_for_the_warm_up_alone(tmp_path: Path, n
     if name in ("dac", "gail", "airl"):
         with pytest.raises(InvalidValueError, match="steps is 16"):
             train(short(name, **before, control="constant_reward"), tmp_path / "control")
+
+
+@pytest.mark.parametrize("name", [name for name, flown in FLOWN.items() if [*flown] == ["warmup"]])
+def test_off_policy_learners_need_a_warm_up(name: str) -> None:
+    with pytest.raises(InvalidValueError, match="warmup is 0; it must be positive"):
+        short(name, warmup=0)

@@ -1,7 +1,9 @@
-"""A run's folder takes up only what it can go on with."""
+"""A run that is another is told by the settings that differ; digests are put into words."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,12 +12,75 @@ import yaml
 
 from aerial_il.algorithms.run.folder import CONFIG, RunFolder
 from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import InvalidValueError
+
+ONE, OTHER = "1a" * 32, "2b" * 32
+STARTED: Mapping[str, Any] = {
+    "seed": 3,
+    "dataset": {"demonstrations": 10, "frames": 900, "digest": ONE},
+    "prior": ONE,
+    "settings": {"lr": 0.001, "prior": "runs/first"},
+    "policy": {"name": "mlp", "chunk": 20},
+}
+
+
+def refusal(folder: Path, changed: Mapping[str, Any]) -> str:
+    """Return how a run with some other values, key -> value or mapping, is refused where that of ``STARTED`` is."""
+    parts = {key: {**STARTED[key], **new} if isinstance(new, dict) else new for key, new in changed.items()}
+    with pytest.raises(InvalidValueError) as caught, RunFolder.open(folder, {**STARTED, **parts}):
+        pass
+    return str(caught.value)
+
+
+@pytest.fixture
+def started(tmp_path: Path) -> Path:
+    with RunFolder.open(tmp_path, STARTED) as run:
+        run.save(1, Checkpoint({}, {}, {}), keep=1)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"seed": 4}, "(seed: 3 -> 4)"),
+        ({"settings": {"lr": 0.01}}, "(settings.lr: 0.001 -> 0.01)"),
+        ({"settings": {"ema": 0.9}}, "(settings.ema: not set -> 0.9)"),
+        ({"policy": {"chunk": 10}, "dataset": {"digest": OTHER}}, "(policy.chunk: 20 -> 10)"),
+        (
+            {"dataset": {"demonstrations": 20, "frames": 1800, "digest": OTHER}},
+            "(dataset.demonstrations: 10 -> 20; dataset.frames: 900 -> 1800)",
+        ),
+        ({"dataset": {"digest": OTHER}}, "(dataset: the demonstrations of then -> others, as many and as long)"),
+        ({"prior": OTHER}, "(prior: the weights of then -> other weights)"),
+        ({"prior": None}, "(prior: the weights of then -> none)"),
+    ],
+)
+def test_settings_are_told_by_their_values_and_contents_in_words(
+    started: Path, changed: dict[str, Any], said: str
+) -> None:
+    message = refusal(started, changed)
+    assert said in message
+    assert "Choose another run=NAME or resume=false" in message
+    assert ONE not in message
+    assert OTHER not in message
+
+
+def test_the_dataset_of_then_is_named_where_the_folder_knows_it(started: Path) -> None:
+    (started / "command.json").write_text(json.dumps({"dataset": {"path": "datasets/a", "episodes": None}}))
+    assert "the demonstrations of 'datasets/a' -> others" in refusal(started, {"dataset": {"digest": OTHER}})
+
+
+@pytest.mark.parametrize("damaged", ["{", "[]", '{"dataset": null}', '{"dataset": {"path": 5}}'])
+def test_a_command_that_cannot_be_read_hides_nothing(started: Path, damaged: str) -> None:
+    (started / "command.json").write_text(damaged)
+    assert "the demonstrations of then -> others" in refusal(started, {"dataset": {"digest": OTHER}})
+
 
 NOW: dict[str, Any] = {"settings": {"steps": 10, "replay": {"capacity": 5}}}
 
 
-def begun(run: Path, settings: dict[str, Any]) -> Path:
+def old_run(run: Path, settings: dict[str, Any]) -> Path:
     """Leave a folder in which a run with these settings has taken a checkpoint."""
     (run / checkpoint.FOLDER).mkdir(parents=True)
     (run / CONFIG).write_text(yaml.safe_dump({"settings": settings}))
@@ -23,18 +88,9 @@ def begun(run: Path, settings: dict[str, Any]) -> Path:
 
 
 def test_a_run_of_an_earlier_version_is_refused_by_its_keys(tmp_path: Path) -> None:
-    run = begun(tmp_path, {"steps": 10, "buffer_size": 5})
+    run = old_run(tmp_path, {"steps": 10, "buffer_size": 5})
     with (
         pytest.raises(InvalidValueError, match=r"earlier version.*settings\.buffer_size.*resume=false"),
-        RunFolder.open(run, NOW),
-    ):
-        pass
-
-
-def test_another_run_is_refused_by_what_differs(tmp_path: Path) -> None:
-    run = begun(tmp_path, {"steps": 20, "replay": {"capacity": 5}})
-    with (
-        pytest.raises(InvalidValueError, match=r"holds another run \(settings\.steps: 20 -> 10"),
         RunFolder.open(run, NOW),
     ):
         pass

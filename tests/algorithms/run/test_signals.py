@@ -32,7 +32,7 @@ def test_each_signal_leaves_in_its_own_way() -> None:
     assert caught.value.code == 143
 
 
-def test_long_work_is_not_begun_with_a_signal_pending_and_not_finished_after_one() -> None:
+def test_a_signal_stops_long_work_before_and_during_it() -> None:
     with SignalWatch() as watch:
         with pytest.raises(KeyboardInterrupt), watch.at_once():
             send(signal.SIGINT)

@@ -54,9 +54,7 @@ def weights(policy: Any) -> list[torch.Tensor]:
     return list(policy.network.state_dict().values())
 
 
-def test_the_best_policy_is_kept_and_labelled_and_the_final_one_is_what_loads(
-    demos: list[Episode], tmp_path: Path
-) -> None:
+def test_the_best_policy_is_kept_beside_the_final_one(demos: list[Episode], tmp_path: Path) -> None:
     final = learn(demos, tmp_path, Judge([0.2, 0.7, 0.5, 0.7, 0.1, 0.3]))
     best = load_policy(tmp_path / "best")
     assert best.origin["step"] == 40, "of equally good ones the later"
@@ -173,7 +171,7 @@ def test_where_the_rollouts_stand(values: list[float], step: int, stale: int) ->
     assert BestCheckpoint.of([{"step": 1.0}], "evaluate/success") is None
 
 
-def test_few_crashes_and_little_time_are_better_and_no_time_at_all_is_worst() -> None:
+def test_fewer_crashes_and_less_time_are_better() -> None:
     told = [{"step": 10.0, "time_to_success_s": float("nan")}, {"step": 20.0, "time_to_success_s": 9.0}]
     assert BestCheckpoint.of(told, "time_to_success_s") == BestCheckpoint(9.0, 20, 0, 2)
     told = [{"step": 10.0, "evaluate/crashes": 1.0}, {"step": 20.0, "evaluate/crashes": 7.0}]

@@ -112,7 +112,7 @@ def test_the_run_says_which_share_of_its_time_it_waited(demos: list[Episode], tm
 
 
 @pytest.mark.parametrize("ahead", [0, 2])
-def test_a_loader_hands_out_every_step_in_order_and_ends_its_thread(ahead: int) -> None:
+def test_a_loader_hands_out_each_step_and_ends_its_thread(ahead: int) -> None:
     gathered: list[int] = []
 
     def gather(step: int) -> tuple[torch.Tensor, ...]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from aerial_il.cli import launchers
+from aerial_il.core import registry
 from aerial_il.evaluation.run_collection import read_runs
 
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=300", "policy.hidden=[16]", "seed=0,1"]
@@ -76,7 +76,7 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_launcher_is_tested_here() -> None:
-    assert {way.partition("_")[0] for way in WAYS} | {"serial"} == set(launchers.names())
+    assert {way.partition("_")[0] for way in WAYS} | {"serial"} == set(registry.names("launcher"))
 
 
 @pytest.mark.slow
@@ -105,7 +105,7 @@ def test_launchers_give_identical_tables(way: str, home: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["processes_2", "slurm", "ray"])
-def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_table(way: str, home: Path) -> None:
+def test_a_sweep_killed_again_and_again_ends_the_same(way: str, home: Path) -> None:
     """The coordinator is killed three times, and a worker each time before."""
     require(way.partition("_")[0])
     words = command(*WORDS, f"run=killed_{way}", *WAYS[way])
@@ -159,7 +159,7 @@ def test_a_job_whose_time_is_over_is_queued_again_and_goes_on(home: Path) -> Non
 
 
 @pytest.mark.slow
-def test_a_job_that_the_cluster_killed_is_told_and_the_others_go_on(home: Path) -> None:
+def test_a_job_that_the_cluster_killed_does_not_stop_others(home: Path) -> None:
     require("slurm")
     words = command(*WORDS[:3], "experiment=quick", "algorithm.steps=3000", "seed=0,1", "run=cancelled", *WAYS["slurm"])
     sweep = subprocess.Popen(words, cwd=home, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)

@@ -75,7 +75,7 @@ def test_a_job_that_is_killed_or_wrong_does_not_stop_the_others(
 
 
 @pytest.mark.slow
-def test_a_sweep_whose_coordinator_is_killed_leaves_no_job_behind_and_is_continued(tmp_path: Path) -> None:
+def test_a_killed_sweep_leaves_no_job_and_is_continued(tmp_path: Path) -> None:
     words = ["collect", "-m", *HOVER, "episodes=40", "seed=0,40", "out=sweep", "launcher=processes", "launcher.jobs=2"]
     command = [sys.executable, "-m", "aerial_il", *words]
     sweep = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -6,14 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from aerial_il import robots
 from aerial_il.control import controller_state as layout
-from aerial_il.control import controllers
-from aerial_il.control.controller import Controller
 from aerial_il.control.controllers import lqr
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core import registry
 from experiments.controllers.steps import StepFigures, step_figures
 from tests.control.in_the_air import Flight
 from tests.control.nominal import compile_nominal, each_vehicle
@@ -28,7 +25,7 @@ BOUNDS = {
     "lqr": {"position": (0.8, 5.0, 1.3), "yaw": (0.9, 5.0, 1.2)},
 }
 each_robot = pytest.mark.parametrize("robot", ROBOTS)
-each_law = pytest.mark.parametrize("law", controllers.names())
+each_law = pytest.mark.parametrize("law", registry.names("controller"))
 
 
 def step(robot: str, law: str, kind: str) -> StepFigures:
@@ -59,7 +56,7 @@ def test_a_step_response_keeps_to_its_bounds(robot: str, law: str, kind: str) ->
 
 @each_robot
 @each_law
-def test_the_tool_goes_where_it_is_told_under_every_law(robot: str, law: str) -> None:
+def test_the_tool_goes_where_it_is_sent_under_every_law(robot: str, law: str) -> None:
     flight = Flight(robot, law=law)
     action = flight.pose((0.4, -0.3, 0.2))
     flight.fly(action, 6.0)
@@ -70,12 +67,12 @@ def test_the_tool_goes_where_it_is_told_under_every_law(robot: str, law: str) ->
 @each_robot
 def test_pid_removes_a_constant_force_and_pd_alone_does_not(robot: str) -> None:
     left = {}
-    for name, gains in (("pid", None), ("pd", controllers.get("pid")().gains._replace(integral=0.0))):
+    for name, gains in (("pid", None), ("pd", registry.get("controller", "pid")().gains._replace(integral=0.0))):
         flight = Flight(robot, "base_joint", law="pid", gains=gains)
         action = flight.place()
         flight.fly(action, 10.0, (0.08 * flight.vehicle.mass * GRAVITY, 0.0, 0.0))
         left[name] = abs(flight.base[0] - action[0])
-    expected = 0.08 * GRAVITY / controllers.get("pid")().gains.position
+    expected = 0.08 * GRAVITY / registry.get("controller", "pid")().gains.position
     assert left["pid"] < 0.005
     assert left["pd"] == pytest.approx(expected, rel=0.25), "force per mass over stiffness"
 
@@ -94,7 +91,7 @@ def test_the_integrators_of_pid_do_not_wind_up() -> None:
     assert abs(flight.base[0] - action[0]) < 0.03
 
 
-def test_the_gains_of_a_double_integrator_are_those_of_the_closed_form() -> None:
+def test_gains_of_a_double_integrator_have_their_closed_form() -> None:
     """ẍ = u / m with weights q₁, q₂, r: k₁ = √(q₁/r), k₂ = √(q₂/r + 2 m k₁)."""
     mass, q, r = 2.3, np.diag([40.0, 1.5]), np.array([[0.01]])
     gain = lqr.regulator(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [1.0 / mass]]), q, r)
@@ -110,7 +107,7 @@ def test_the_gains_of_a_chain_of_four_are_those_of_butterworth() -> None:
 
 
 @each_vehicle
-def test_the_feedback_of_every_vehicle_is_stable_and_uses_what_it_has(vehicle: Vehicle) -> None:
+def test_the_feedback_is_stable_and_uses_what_there_is(vehicle: Vehicle) -> None:
     body, gain = hover_body(vehicle), lqr.feedback_matrix(vehicle)
     a, b = lqr.hover_model(body.mass, body.inertia)
     assert np.linalg.eigvals(a - b @ gain).real.max() < -1.0 * vehicle.agility
@@ -133,8 +130,3 @@ def test_the_hovering_body_is_mujocos(vehicle: Vehicle) -> None:
     assert body.mass == pytest.approx(full[0, 0])
     np.testing.assert_allclose(body.com, data.subtree_com[1], atol=1e-12)
     np.testing.assert_allclose(about_origin, full[3:6, 3:6], atol=1e-12)
-
-
-def test_an_unknown_law_is_answered_with_the_nearest() -> None:
-    with pytest.raises(UnknownNameError, match=r"Unknown controller 'piid'\. Did you mean 'pid'"):
-        Controller(robots.get("ua_quad_arm4").vehicle, law="piid")

@@ -114,7 +114,7 @@ def test_it_opens_with_every_value(form: str, flown: dict[str, np.ndarray], tmp_
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_it_trains_with_the_shipped_defaults_and_flies_where_an_environment_is_named(
+def test_it_trains_by_default_and_flies_where_it_names_a_world(
     form: str, flown: dict[str, np.ndarray], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -134,9 +134,7 @@ def test_what_a_robomimic_file_tells_is_used(flown: dict[str, np.ndarray], tmp_p
     assert spec.action.high[0] <= high + 1e-5
 
 
-def test_a_demonstration_without_a_reward_failed_only_where_others_have_one(
-    flown: dict[str, np.ndarray], tmp_path: Path
-) -> None:
+def test_no_reward_is_a_failure_only_where_others_have_one(flown: dict[str, np.ndarray], tmp_path: Path) -> None:
     file = robomimic(tmp_path, flown)
     assert [episode.success for episode in open_dataset(file)] == [True] * EPISODES
     with h5py.File(file, "a") as raw:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import h5py
@@ -12,6 +13,7 @@ from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats import robomimic
+from aerial_il.data.formats.parts.content_digest import content_digest
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
 from tests.data.recording.test_damage import episodes_equal
@@ -59,3 +61,19 @@ def test_links_and_damage_are_refused(file: Path, tmp_path: Path) -> None:
     file.write_bytes(file.read_bytes()[:1000])
     with pytest.raises(DemoError, match="cannot be read as HDF5"):
         open_dataset(file)
+
+
+def test_values_without_their_digest_are_refused(file: Path) -> None:
+    with h5py.File(file, "a") as raw:
+        del raw["data/demo_0/aerial_il"].attrs["digest"]
+    with pytest.raises(DemoError, match="was changed after it was written"):
+        open_dataset(file)[0]
+
+
+def test_a_specification_of_before_a_key_was_added_is_read(file: Path) -> None:
+    episode = open_dataset(file)[0]
+    with h5py.File(file, "a") as raw:
+        attributes = raw["data/demo_0/aerial_il"].attrs
+        older = {key: value for key, value in json.loads(attributes["spec"]).items() if key != "options"}
+        attributes["spec"], attributes["digest"] = json.dumps(older), content_digest(episode, older)
+    assert episodes_equal(open_dataset(file)[0], episode)

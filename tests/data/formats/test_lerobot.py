@@ -240,9 +240,7 @@ def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_pat
     assert [p.name for p in older.parent.iterdir()] == ["lerobot"]
 
 
-def test_what_killed_conversions_left_is_cleared_but_not_what_others_write(
-    folder: DatasetFolder, tmp_path: Path
-) -> None:
+def test_what_kills_left_is_cleared_but_not_what_others_write(folder: DatasetFolder, tmp_path: Path) -> None:
     out = tmp_path / "lerobot"
     dead, alive = tmp_path / ".lerobot.1.tmp", tmp_path / ".lerobot.2.tmp"
     for holder in (dead, alive):
@@ -254,9 +252,7 @@ def test_what_killed_conversions_left_is_cleared_but_not_what_others_write(
     os.close(handle)
 
 
-def test_a_conversion_killed_while_it_replaced_another_gives_the_older_one_back(
-    folder: DatasetFolder, derived: Path, tmp_path: Path
-) -> None:
+def test_a_kill_while_replacing_gives_the_older_one_back(folder: DatasetFolder, derived: Path, tmp_path: Path) -> None:
     shutil.copytree(derived, tmp_path / ".lerobot.1.tmp" / "old")
     copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
     copy.files()[-1].write_bytes(b"damaged")

@@ -62,7 +62,7 @@ def test_names_texts_and_pictures_are_read(foreign: Path) -> None:
         np.testing.assert_allclose(episode.obs["front_rgb"][:-1].mean((1, 2, 3)), greys, atol=3)
 
 
-def test_task_texts_that_differ_and_stills_are_left_out_with_a_word(
+def test_differing_task_texts_and_stills_are_left_out_aloud(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
@@ -129,7 +129,7 @@ def test_pictures_are_looked_for_inside_the_dataset_only(copy: Path, foreign: Pa
         open_dataset(copy, cameras=True)[0]
 
 
-def test_a_claim_of_more_than_memory_is_refused_before_a_picture_is_decoded(copy: Path) -> None:
+def test_more_than_memory_is_refused_before_it_is_decoded(copy: Path) -> None:
     features = json.loads((copy / "meta/info.json").read_text())["features"]
     tell(copy, features={**features, KEY: {**features[KEY], "shape": [60_000, 60_000, 3]}})
     with pytest.raises(DemoError, match="is too large"):

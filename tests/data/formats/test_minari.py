@@ -73,7 +73,7 @@ def test_what_minari_itself_wrote_is_read(tmp_path: Path, monkeypatch: pytest.Mo
 
 
 @pytest.mark.parametrize("space", ["jpeg", "ragged jpeg", "tuple", "nested", "discrete actions"])
-def test_spaces_that_minari_itself_wrote_and_we_do_not_read_are_named(
+def test_minari_s_spaces_that_are_not_read_are_named(
     space: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
@@ -117,7 +117,7 @@ def test_what_cannot_be_used_is_named(folder: Path, name: str, values: object, s
         open_dataset(folder)[0]
 
 
-def test_a_claim_of_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
+def test_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
     with h5py.File(folder / "data/main_data.hdf5", "a") as file:
         del file["episode_0/observations"]
         file.create_dataset("episode_0/observations", (10**9, 3), "f4", chunks=(1000, 3), fillvalue=1.0)

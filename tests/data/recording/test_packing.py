@@ -9,7 +9,7 @@ from aerial_il.data.recording.encoding.packing import bytes_of, gather
 ROW = np.dtype([("position", "<f8", (2,)), ("flag", "u1"), ("rest", "u1", (7,))])
 
 
-def test_fields_of_recorded_worlds_reach_their_rows_and_no_others() -> None:
+def test_fields_reach_the_rows_of_recorded_worlds_alone() -> None:
     """The cheat would be to copy what happens to be contiguous and writable: a slice and constants are neither."""
     rows, positions = np.zeros((3, 4), ROW), np.arange(9.0).reshape(3, 3)[:, 1:]
     flags, nothing = np.broadcast_to(np.uint8(7), 3), np.zeros((3, 0))

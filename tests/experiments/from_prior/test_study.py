@@ -345,13 +345,14 @@ def test_whatever_practice_begins_with_decides_it() -> None:
 def test_continued_practice_starts_from_its_clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All of them, from one clone, once, beside the two that have none."""
     monkeypatch.setattr(practised, "WATCHED_FLIGHTS", 2)
-    small = {"steps": 128, "rollout": 64, "warmup": 64, "critic_hidden": (8,), "log_every": 64, "batch_size": 16}
-    small |= {"critics": 2, "subset": 1, "trial": 0}
+    small = {"steps": 128, "warmup": 64, "cadence": {"log_every": 64}, "trial": {"flights": 0}}
+    small |= {"rollout": {"steps": 64, "batch_size": 16}, "critic_hidden": (8,)}
+    small |= {"replay": {"batch_size": 16}, "critics": {"count": 2, "hidden": (8,)}, "subset": 1}
     usual = FromPrior().practising
     arms = {
-        n: replace(a, **{k: v for k, v in small.items() if hasattr(a, k)})
-        for n, a in usual.items()
-        if isinstance(a, Algorithm)
+        name: changed(algorithm, {key: value for key, value in small.items() if hasattr(algorithm, key)})
+        for name, algorithm in usual.items()
+        if isinstance(algorithm, Algorithm)
     }
     small_study = {**SMALL, "practising": arms, "only_from": {}, "watched": 2}
     report = FromPrior(**small_study).run(tmp_path, progress=False)

@@ -63,7 +63,7 @@ def test_any_number_of_any_run_is_drawn_over_any_other(tmp_path: Path) -> None:
         analysis.curves({"dac": dac})
 
 
-def test_returns_show_every_flight_and_survival_never_counts_a_failure() -> None:
+def test_returns_show_every_flight_and_survival_successes() -> None:
     result = evaluated([True, False, True, False])
     (axes,) = axes_of(analysis.returns({"p": result}))
     assert sorted(np.asarray(axes.lines[0].get_ydata())) == [30.0, 30.0, 40.0, 42.0]
@@ -82,7 +82,7 @@ def test_a_paired_comparison_counts_seeds_and_refuses_others() -> None:
         analysis.paired_comparison(a, evaluated([True] * 4, first=20000))
 
 
-def test_a_notebook_draws_what_is_returned_though_pyplot_was_never_used() -> None:
+def test_a_notebook_draws_what_is_returned_without_pyplot() -> None:
     shell = DisplayFormatter()
     data, _ = shell.format(analysis.success({"p": evaluated([True])}))
     assert data["image/png"].startswith(b"\x89PNG")

@@ -29,7 +29,7 @@ def evaluated(won: list[bool], *, task: str = "reach", first: int = 10000) -> Ev
     return EvaluationResult("quad", task, "calm", "p", tuple(records), {})
 
 
-def test_a_row_per_run_and_what_is_none_is_named_and_stops_nothing(tmp_path: Path) -> None:
+def test_a_row_per_run_and_what_is_none_is_named(tmp_path: Path) -> None:
     for seed in (0, 1):
         evaluated([True, False]).save(make_run(tmp_path / f"seed={seed}", seed=seed) / "calm")
     (tmp_path / "half").mkdir()

@@ -16,7 +16,7 @@ def test_its_messages_are_those_of_the_recordings() -> None:
     assert told == {messages.STEPS: messages.STEPS_DEFINITION}
 
 
-def test_every_message_is_built_and_what_they_use_is_a_dependency() -> None:
+def test_every_message_is_built_with_its_dependencies() -> None:
     built = (PACKAGE / "CMakeLists.txt").read_text(encoding="utf-8")
     assert re.findall(r'"(msg/\w+\.msg)"', built) == [f"msg/{path.name}" for path in sorted(PACKAGE.glob("msg/*"))]
     tree = ET.parse(PACKAGE / "package.xml").getroot()

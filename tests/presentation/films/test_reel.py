@@ -11,7 +11,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.presentation.films import reel
 from aerial_il.workflows.film import REEL
-from tests.evaluation.conftest import Flown
+from tests.presentation.conftest import Flown
 from tests.presentation.films.test_side_by_side import cut
 
 SMALL = reel.ReelLook(height=64, width=96, fps=5.0, seconds=6.0, exposures=1, title="A film")
@@ -31,7 +31,7 @@ def test_the_time_is_shared(lengths: list[float], total: float, expected: list[f
 
 
 @pytest.mark.render
-def test_a_film_of_short_flights_lasts_as_long_as_it_was_asked_to(flown: Flown, tmp_path: Path) -> None:
+def test_a_film_of_short_flights_lasts_as_long_as_asked(flown: Flown, tmp_path: Path) -> None:
     import av
 
     flights = [cut(flown.episode, 60), cut(flown.episode, 40)]  # 2 s together, 3 s of film beside the title

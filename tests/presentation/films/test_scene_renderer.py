@@ -8,7 +8,7 @@ import pytest
 from aerial_il.presentation.films.scene_renderer import SceneRenderer, obstacle, robot_geoms
 from aerial_il.presentation.studio.studio import QUICK
 from aerial_il.presentation.studio.viewpoint import Viewpoint
-from tests.evaluation.conftest import Flown
+from tests.presentation.conftest import Flown
 
 pytestmark = pytest.mark.render
 HEIGHT, WIDTH = 90, 120

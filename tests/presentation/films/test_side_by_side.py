@@ -13,7 +13,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.overlay import COLOURS
 from aerial_il.presentation.films.side_by_side import GAP, HOLD_S, STRIP, Look, write_side_by_side
-from tests.evaluation.conftest import Flown
+from tests.presentation.conftest import Flown
 
 SMALL = Look(height=64, width=96, fps=5.0, abreast=2)
 SHORT = 50

@@ -13,7 +13,7 @@ from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.films.stroboscope import MOMENTS, moments, write_stroboscope
 from aerial_il.presentation.films.traces import M_PER_N, Traces, traces_of
 from aerial_il.presentation.studio.marks import Arrow, Trail
-from tests.evaluation.conftest import Flown
+from tests.presentation.conftest import Flown
 
 
 @pytest.fixture(scope="module")

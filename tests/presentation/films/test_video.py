@@ -61,7 +61,7 @@ def test_flying_again_ends_as_it_did_before(diver: EvaluationResult) -> None:
     for episode in diver.episodes:
         actions = diver.flights[episode.seed].actions
         assert actions is not None
-        infos = list(video._fly_again(env, episode.seed, actions))
+        infos = list(video.fly_again(env, episode.seed, actions))
         assert bool(infos[-1]["success"][0]) == episode.success
         assert bool(infos[-1]["crash"][0]) == (episode.end == "crash")
         assert not any(info["success"][0] for info in infos[:-1])
@@ -104,7 +104,7 @@ def test_a_broken_film_leaves_nothing_behind(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_strip_says_the_outcome_and_leaves_the_picture_alone() -> None:
+def test_the_strip_says_the_outcome() -> None:
     view = np.full((64, 200, 3), 90, np.uint8)
     caption = Caption("reach", 1.0, 0.5, "fly", {"near": True})
     flying, crashed = (compose({"scene": view}, c) for c in (caption, Caption("reach", 1.0, 1.0, "", {}, "crash")))

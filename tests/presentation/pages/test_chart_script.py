@@ -13,8 +13,9 @@ import pytest
 from aerial_il.evaluation.curves import Curve
 from aerial_il.presentation.pages.figures import logged
 from aerial_il.presentation.pages.page import TEMPLATES
-from tests.evaluation.browser import dom_after, needs_browser
+from tests.presentation.browser import dom_after, needs_browser
 
+pytestmark = [pytest.mark.browser, needs_browser]
 POINTER = """
 const chart = document.querySelector(".chart"), seen = {};
 const [x0, y0, width, height] = chart.querySelector(".data").getAttribute("viewBox").split(" ").map(Number);
@@ -44,21 +45,17 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def seen(page: Path, script: str) -> dict[str, object]:
     dom = dom_after(page, POINTER + script + END)
-    found = re.search(r'data-seen="([^"]*)"', dom)
-    assert found, dom[-500:]
-    return json.loads(html.unescape(found[1]))
+    written = re.search(r'data-seen="([^"]*)"', dom)
+    assert written, dom[-500:]
+    return json.loads(html.unescape(written[1]))
 
 
-@pytest.mark.browser
-@needs_browser
-def test_the_value_under_the_cursor_is_told_and_goes_with_it(page: Path) -> None:
+def test_the_value_under_the_cursor_is_shown(page: Path) -> None:
     told = seen(page, 'at("pointermove", 0.3, 0.1); seen.there = told(); at("pointerleave", 0, 0); seen.gone = told();')
     assert told == {"there": "step = 30 · 15", "gone": ""}
 
 
-@pytest.mark.browser
-@needs_browser
-def test_dragging_zooms_into_a_stretch_and_a_double_click_shows_all(page: Path) -> None:
+def test_dragging_zooms_and_a_double_click_shows_all(page: Path) -> None:
     told = seen(
         page,
         """seen.before = labels();
@@ -72,15 +69,11 @@ def test_dragging_zooms_into_a_stretch_and_a_double_click_shows_all(page: Path) 
     assert (told["clipped"], told["there"]) == (True, "step = 50 · 25")
 
 
-@pytest.mark.browser
-@needs_browser
 def test_a_click_is_no_drag(page: Path) -> None:
     told = seen(page, 'at("pointerdown", 0.4, 0.5); at("pointerup", 0.4, 0.5); seen.labels = labels();')
     assert told["labels"] == [0, 20, 40, 60, 80, 100]
 
 
-@pytest.mark.browser
-@needs_browser
 def test_the_keyboard_steps_zooms_and_resets(page: Path) -> None:
     told = seen(
         page,

@@ -105,7 +105,7 @@ def test_figures_of_an_evaluation_are_well_formed(diver: EvaluationResult) -> No
         assert parse(figure).attrib["aria-label"]
 
 
-def test_paths_mark_successes_with_dots_and_failures_with_crosses(diver: EvaluationResult) -> None:
+def test_paths_mark_successes_and_failures(diver: EvaluationResult) -> None:
     top = parse(paths(diver)[0])
     won = diver.success["count"]
     assert len(list(top.iter("circle"))) == won
@@ -115,12 +115,8 @@ def test_paths_mark_successes_with_dots_and_failures_with_crosses(diver: Evaluat
 def test_training_curves_put_losses_first_and_on_a_log_axis() -> None:
     steps = np.linspace(0, 1000, 50)
     loss = np.exp(-steps / 100) + 1e-3
-    curves = [
-        Curve("lr", steps, 1e-3 - 1e-7 * steps),
-        Curve("train/loss", steps, loss),
-        Curve("elapsed_s", steps, steps),
-    ]
-    figures = training(curves)
+    logged = {"lr": 1e-3 - 1e-7 * steps, "train/loss": loss, "elapsed_s": steps}
+    figures = training([Curve(name, steps, values) for name, values in logged.items()])
     assert [f.title for f in figures] == ["Train: loss", "Learning rate"]
     line = parse(figures[0]).find(".//polyline")
     assert line is not None

@@ -16,9 +16,9 @@ from aerial_il.presentation.films import clips
 from aerial_il.presentation.pages import gallery
 from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
 from aerial_il.workflows.catalogue import catalogue
-from tests.evaluation.browser import needs_browser, picture
-from tests.evaluation.conftest import Flown
-from tests.evaluation.outline import needs_nothing_else
+from tests.presentation.browser import needs_browser, picture
+from tests.presentation.conftest import Flown
+from tests.presentation.outline import needs_nothing_else
 
 DT_S = 0.02
 
@@ -76,7 +76,7 @@ def test_a_film_is_made_once_and_again_when_the_flight_differs(made: Gallery, fl
     assert set(again.files) == set(before)
     assert set(again.stills) == {"scene", "wrist", "base"}
     other = {**vars(flown.episode), "states": flown.episode.states[:30]}
-    assert clips._digest(Episode(**other), clips.Excerpt(0, 28, 3)) not in again.film.name
+    assert clips.digest_of(Episode(**other), clips.Excerpt(0, 28, 3)) not in again.film.name
 
 
 @pytest.mark.render
@@ -87,7 +87,7 @@ def test_the_sheet_has_a_picture_of_each(made: Gallery, tmp_path: Path) -> None:
     assert (tmp_path / "sheet.png").stat().st_size < 600_000
 
 
-def test_without_a_renderer_the_page_says_so_and_nothing_is_flown(tmp_path: Path) -> None:
+def test_without_a_renderer_nothing_is_flown(tmp_path: Path) -> None:
     def fly(robot: str, task: str) -> tuple[Episode, np.ndarray]:
         raise AssertionError("nothing may be flown")
 

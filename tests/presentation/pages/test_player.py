@@ -20,9 +20,9 @@ from aerial_il.data.episode import Episode
 from aerial_il.presentation.films import video, window
 from aerial_il.presentation.pages.player import write_player
 from aerial_il.presentation.pages.trace_plots import trace_plots
-from tests.evaluation.browser import dom_after, needs_browser
-from tests.evaluation.conftest import Flown
-from tests.evaluation.outline import Outline, needs_nothing_else
+from tests.presentation.browser import dom_after, needs_browser
+from tests.presentation.conftest import Flown
+from tests.presentation.outline import Outline, needs_nothing_else
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def page(flown: Flown, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_player(path, flown.episode, flags=flown.flags, note="No film here.", commands=["aerial-il list"])
 
 
-def test_sub_tasks_are_judged_from_recorded_states_as_they_were_in_flight(flown: Flown) -> None:
+def test_sub_tasks_follow_from_recorded_states(flown: Flown) -> None:
     env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=1, num_threads=1)
     env.reset(flown.episode.seed)
     for action, expected in zip(flown.episode.executed_actions, flown.flags, strict=True):
@@ -62,7 +62,7 @@ def test_every_line_spans_the_flight(flown: Flown) -> None:
             assert low <= known.min() <= known.max() <= high
 
 
-def test_the_tilt_is_the_angle_between_the_rotor_axis_and_the_vertical(flown: Flown) -> None:
+def test_the_tilt_is_that_of_the_rotor_axis(flown: Flown) -> None:
     tilt = next(one for one in trace_plots(flown.episode) if one.title.startswith("Tilt")).series[0].values
     x, y = flown.episode.obs["base_rot6d"][:, :3], flown.episode.obs["base_rot6d"][:, 3:]
     np.testing.assert_allclose(np.cos(np.deg2rad(tilt)), np.cross(x, y)[:, 2], atol=1e-9)
@@ -130,7 +130,7 @@ def screen(monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
 
     shown = Screen(moments=150)
     monkeypatch.setattr(mujoco.viewer, "launch_passive", shown.launch)
-    monkeypatch.setattr(window, "_require_window", lambda: None)
+    monkeypatch.setattr(window, "require_window", lambda: None)
     monkeypatch.setattr(window, "time", SimpleNamespace(perf_counter=lambda: 0.0, sleep=lambda _: None))
     return shown
 
@@ -142,7 +142,7 @@ def test_a_window_shows_the_recorded_states_over_and_over(flown: Flown, screen: 
     np.testing.assert_allclose(np.array(screen.shown)[:, :3], expected, atol=1e-12)
 
 
-def test_a_window_shows_the_flight_that_would_be_recorded_then_the_next(flown: Flown, screen: Screen) -> None:
+def test_a_window_shows_one_flight_then_the_next(flown: Flown, screen: Screen) -> None:
     env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=1, num_threads=1)
     window.show_live(env, aerial_il.expert("ua_quad_arm4", "reach"), flown.episode.seed)
     length = len(flown.episode)

@@ -30,7 +30,7 @@ def test_phases_fall_together(episodes: list[Episode]) -> None:
     assert found.second.aligned[-1] == pytest.approx(episodes[0].sim_time[-1])
 
 
-def test_without_phases_sub_tasks_align_and_without_those_the_ends(episodes: list[Episode]) -> None:
+def test_without_phases_sub_tasks_or_the_ends_align(episodes: list[Episode]) -> None:
     def blind(episode: Episode, at: int | None) -> Flight:
         flags = None if at is None else np.repeat(np.arange(len(episode))[:, None] >= at, 5, axis=1).astype(float)
         return Flight.of(replace(episode, phase=np.full(len(episode), -1)), flags)
@@ -48,9 +48,7 @@ def test_what_was_done_in_another_order_is_left_out() -> None:
     assert common({"a": 1.0}, {"b": 1.0}) == []
 
 
-def test_both_flights_are_in_one_recording_each_with_its_own_poses(
-    episodes: list[Episode], write: Callable[..., Shown]
-) -> None:
+def test_both_flights_are_in_one_recording(episodes: list[Episode], write: Callable[..., Shown]) -> None:
     flights = [Flight.of(episode) for episode in episodes]
     found = align(*flights)
     shown = write({"one/": flights[0], "two/": flights[1]}, clocks={"one/": found.first, "two/": found.second})

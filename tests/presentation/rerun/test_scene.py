@@ -69,9 +69,7 @@ def test_poses_of_another_flight_would_be_noticed(shown: Shown, episodes: list[E
         assert max(far) > 1e-3
 
 
-def test_every_moving_body_has_a_pose_in_every_state_and_no_other_has_one(
-    shown: Shown, episodes: list[Episode]
-) -> None:
+def test_moving_bodies_alone_have_a_pose_in_every_state(shown: Shown, episodes: list[Episode]) -> None:
     for entity in (*BODIES.values(), "props/bowl"):
         assert len(poses(shown, f"/scene/{entity}")[0]) == len(episodes[0]) + 1, entity
     for chunk in shown.chunks:

@@ -34,7 +34,7 @@ def test_normals_are_unit_vectors_that_point_outwards(name: str) -> None:
     assert (along > 0.0).mean() > 0.98
 
 
-def test_a_propeller_is_as_wide_as_its_rotor_and_turns_either_way() -> None:
+def test_a_propeller_is_as_wide_as_its_rotor() -> None:
     one, other = propeller(0.12, 2, True), propeller(0.12, 2, False)
     assert np.linalg.norm(one.points[:, :2], axis=1).max() == pytest.approx(0.12, rel=0.02)
     np.testing.assert_allclose(one.points.mean(axis=0), 0.0, atol=1e-3)

@@ -14,7 +14,7 @@ from aerial_il.presentation.studio.studio import MOVING, QUICK, STILL, Studio
 from aerial_il.suite import tasks
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.scenario import Scenario
-from tests.evaluation.conftest import Flown
+from tests.presentation.conftest import Flown
 
 HEIGHT, WIDTH = 48, 64
 ROBOTS = sorted({robot for robot, _ in tasks.cells()})
@@ -42,7 +42,7 @@ def test_a_state_of_the_scene_is_one_of_its_stage(robot: str, task: str) -> None
 
 
 @pytest.mark.render
-def test_pictures_for_people_leave_flight_and_observations_alone() -> None:
+def test_pictures_leave_flight_and_observations_alone() -> None:
     def fly(*, filmed: bool) -> list[np.ndarray]:
         env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=1, num_threads=1, cameras=("wrist", "scene"),
                                    image_size=(HEIGHT, WIDTH))  # fmt: skip
@@ -63,7 +63,7 @@ def test_pictures_for_people_leave_flight_and_observations_alone() -> None:
 
 
 @pytest.mark.render
-def test_a_shadow_falls_below_the_robot_and_is_softer_the_more_exposures(flown: Flown) -> None:
+def test_shadows_are_softer_the_more_exposures(flown: Flown) -> None:
     with SceneRenderer(flown.episode.model_xml) as scene:
         state = flown.episode.states[-1]
         view = scene.frame([state], WIDTH / HEIGHT)

@@ -41,7 +41,7 @@ def carrying(arm: ReadArm) -> Robot:
 
 
 @pytest.mark.parametrize(("name", "rpy", "mount"), [("z1", (0, 0, 0), 0.0), ("big_four_z1", (np.pi, 0, 0), -0.06)])
-def test_the_z1_written_as_urdf_reads_back_as_the_robot_that_we_built(
+def test_the_z1_written_as_urdf_reads_back_as_our_robot(
     tmp_path: Path, name: str, rpy: tuple[float, float, float], mount: float
 ) -> None:
     ours = robots.get(name)
@@ -57,7 +57,7 @@ def test_the_z1_written_as_urdf_reads_back_as_the_robot_that_we_built(
         np.testing.assert_allclose(getattr(again.vehicle, field), value, rtol=0, atol=1e-12, err_msg=field)
 
 
-def test_the_round_trip_would_notice_a_link_that_is_one_gram_heavier(tmp_path: Path) -> None:
+def test_the_round_trip_notices_one_gram(tmp_path: Path) -> None:
     heavier = (*UPRIGHT[:2], replace(UPRIGHT[2], mass=0.840), *UPRIGHT[3:])
     found = read(tmp_path, urdf_of(heavier, foot_m=FOOT_M, foot_kg=FOOT_KG), servos=Z1_SERVOS)
     assert not np.array_equal(
@@ -223,7 +223,7 @@ def test_a_missing_mesh_of_looks_is_left_out_with_a_note(tmp_path: Path) -> None
     assert all(shape.collides for link in found.arm.links for shape in link.shapes)
 
 
-def test_a_joint_without_end_turns_from_minus_pi_to_pi_and_says_so(tmp_path: Path) -> None:
+def test_a_joint_without_end_turns_from_minus_pi_to_pi(tmp_path: Path) -> None:
     text = PITCH.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
     found = read(tmp_path, text)
     assert found.arm.links[1].limits == (-np.pi, np.pi)

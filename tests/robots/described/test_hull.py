@@ -26,7 +26,7 @@ def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
     return float(np.sum(a * np.cross(b, c)) / 6.0)
 
 
-def test_a_hull_of_few_points_is_nearly_the_whole_one_and_looks_outward() -> None:
+def test_a_hull_of_few_points_is_nearly_whole_and_faces_out() -> None:
     fine = blob(20_000)
     vertices, faces = hull.of_few_points(fine)
     assert 100 < len(vertices) <= hull.POINTS

@@ -30,7 +30,7 @@ def gull(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-def test_it_is_found_and_supports_what_its_arm_allows() -> None:
+def test_it_is_registered_and_supports_what_its_arm_allows() -> None:
     assert "gull" in aerial_il.list_robots()
     supported = {task for robot, task in aerial_il.list_cells() if robot == "gull"}
     assert {"reach", "pick_place"} <= supported
@@ -40,8 +40,8 @@ def test_it_is_found_and_supports_what_its_arm_allows() -> None:
 def test_it_is_what_a_robot_of_ours_must_be() -> None:
     robot = robots.get("gull")
     test_robots.test_actuators_come_in_the_order_rotors_joints_gripper(robot)
-    test_robots.test_servos_are_limited_to_honest_torques_and_hold_the_arm_in_any_posture(robot)
-    test_robots.test_rest_postures_are_within_limits_and_point_where_they_say(robot)
+    test_robots.test_servos_hold_the_arm_in_any_posture(robot)
+    test_robots.test_rest_postures_point_where_they_say(robot)
     test_robots.test_the_gripper_opens_closes_and_squeezes(robot)
     test_figures.test_the_centre_of_mass_is_that_of_the_simulated_robot(robot)
     test_figures.test_the_inertia_is_that_of_the_simulated_robot(robot)

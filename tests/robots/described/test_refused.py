@@ -1,4 +1,4 @@
-"""Files that are wrong, or that a stranger wrote to do harm: each is refused in words that say what to change."""
+"""Files that are wrong, or written to do harm: each is refused in words that say what to change."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from aerial_il.robots.parts.described.arm import Servo, read_arm
 from aerial_il.robots.parts.described.error import ModelFileError
 from tests.robots.described.writing import BOX, PITCH, PITCH_MJCF, cube
 
+MASS, PLATE, END, ELBOW = '<mass value="0.1"/>', '<link name="plate"/>', "</robot>", '"elbow" type="revolute"'
+AXIS, WORLD, ACTUATORS = '<axis xyz="0 1 0"/><limit lower="-2"', "<worldbody>", "<actuator>"
 LOWER_BOX = '<geometry><box size="0.1 0.02 0.02"/></geometry>'
 
 
@@ -21,96 +23,86 @@ def changed(text: str, old: str, new: str) -> str:
     return text.replace(old, new)
 
 
+def of_mesh(reference: str) -> str:
+    return f'<geometry><mesh filename="{reference}"/></geometry>'
+
+
 def mesh(reference: str) -> str:
-    return changed(PITCH, LOWER_BOX, f'<geometry><mesh filename="{reference}"/></geometry>')
+    return changed(PITCH, LOWER_BOX, of_mesh(reference))
 
 
-URDF = {
+URDF_CHANGES = {
     "no inertial": (
-        changed(
-            PITCH, PITCH[PITCH.index('<inertial><origin xyz="0.05') : PITCH.index('<collision><origin xyz="0.05')], ""
-        ),
+        PITCH[PITCH.index('<inertial><origin xyz="0.05') : PITCH.index('<collision><origin xyz="0.05')],
+        "",
         "link 'lower' has no <inertial>.*Give its <mass>",
     ),
-    "no mass": (changed(PITCH, '<mass value="0.1"/>', '<mass value="0"/>'), "link 'lower': its mass is 0 kg"),
+    "no mass": (MASS, '<mass value="0"/>', "link 'lower': its mass is 0 kg"),
     "a plate like no solid": (
-        changed(PITCH, '<link name="plate"/>', '<link name="plate"><inertial><mass value="0.1"/></inertial></link>'),
+        PLATE,
+        '<link name="plate"><inertial><mass value="0.1"/></inertial></link>',
         "no solid is like link 'plate'",
     ),
-    "negative mass": (changed(PITCH, '<mass value="0.1"/>', '<mass value="-1"/>'), "its mass is -1 kg"),
-    "mass of words": (
-        changed(PITCH, '<mass value="0.1"/>', '<mass value="light"/>'),
-        "value of the inertial of link 'lower'.*'light'",
-    ),
-    "mass not finite": (changed(PITCH, '<mass value="0.1"/>', '<mass value="inf"/>'), "not a finite number: 'inf'"),
-    "negative moment": (changed(PITCH, 'ixx="1e-5"', 'ixx="-1e-5"'), "'lower': its principal moments .*above zero"),
-    "no solid's moments": (changed(PITCH, 'ixx="1e-5"', 'ixx="3e-4"'), "'lower': .*exceeds the sum of the others"),
+    "negative mass": (MASS, '<mass value="-1"/>', "its mass is -1 kg"),
+    "mass of words": (MASS, '<mass value="light"/>', "value of the inertial of link 'lower'.*'light'"),
+    "mass not finite": (MASS, '<mass value="inf"/>', "not a finite number: 'inf'"),
+    "negative moment": ('ixx="1e-5"', 'ixx="-1e-5"', "'lower': its principal moments .*above zero"),
+    "no solid's moments": ('ixx="1e-5"', 'ixx="3e-4"', "'lower': .*exceeds the sum of the others"),
     "grams and millimetres": (
-        changed(PITCH, 'ixx="1e-5" iyy="9e-5" izz="9e-5"', 'ixx="10" iyy="90" izz="90"'),
+        'ixx="1e-5" iyy="9e-5" izz="9e-5"',
+        'ixx="10" iyy="90" izz="90"',
         "inertia of link 'lower' is that of its 0.1 kg at 30 m .*Is it in kg m²",
     ),
-    "no limits": (
-        changed(PITCH, '<limit lower="-2" upper="2" effort="3" velocity="4"/>', ""),
-        "'elbow' is revolute and has no <limit",
-    ),
-    "limits the wrong way": (
-        changed(PITCH, 'lower="-2" upper="2"', 'lower="2" upper="-2"'),
-        "'elbow' turns from 2 to -2 rad",
-    ),
-    "limit not finite": (
-        changed(PITCH, 'upper="2" effort="3"', 'upper="nan" effort="3"'),
-        "upper of the limit of joint 'elbow'",
-    ),
-    "no torque": (changed(PITCH, 'effort="3"', 'effort="0"'), r"'elbow' has no torque above zero.*Servo\(torque="),
-    "no speed": (
-        changed(PITCH, ' effort="3" velocity="4"', ' effort="3"'),
-        r"'elbow' has no speed above zero.*Servo\(speed=",
-    ),
-    "no axis": (
-        changed(PITCH, '<axis xyz="0 1 0"/><limit lower="-2"', '<axis xyz="0 0 0"/><limit lower="-2"'),
-        "axis of joint 'elbow' is 0 0 0",
-    ),
-    "axis of two": (
-        changed(PITCH, '<axis xyz="0 1 0"/><limit lower="-2"', '<axis xyz="0 1"/><limit lower="-2"'),
-        "joint 'elbow' is not 3 finite",
-    ),
-    "slides": (
-        changed(PITCH, '"elbow" type="revolute"', '"elbow" type="prismatic"'),
-        "'elbow' .* is of type slide.*locked=",
-    ),
-    "floats": (
-        changed(PITCH, '"elbow" type="revolute"', '"elbow" type="floating"'),
-        "'elbow' is of type 'floating'; those read",
-    ),
+    "no limits": ('<limit lower="-2" upper="2" effort="3" velocity="4"/>', "", "'elbow' is revolute and has no <limit"),
+    "limits the wrong way": ('lower="-2" upper="2"', 'lower="2" upper="-2"', "'elbow' turns from 2 to -2 rad"),
+    "limit not finite": ('upper="2" effort="3"', 'upper="nan" effort="3"', "upper of the limit of joint 'elbow'"),
+    "no torque": ('effort="3"', 'effort="0"', "'elbow' has no torque above zero.*Servo\\(torque="),
+    "no speed": (' effort="3" velocity="4"', ' effort="3"', "'elbow' has no speed above zero.*Servo\\(speed="),
+    "no axis": (AXIS, '<axis xyz="0 0 0"/><limit lower="-2"', "axis of joint 'elbow' is 0 0 0"),
+    "axis of two": (AXIS, '<axis xyz="0 1"/><limit lower="-2"', "joint 'elbow' is not 3 finite"),
+    "slides": (ELBOW, '"elbow" type="prismatic"', "'elbow' .* is of type slide.*locked="),
+    "floats": (ELBOW, '"elbow" type="floating"', "'elbow' is of type 'floating'; those read"),
     "mimics": (
-        changed(PITCH, 'effort="3" velocity="4"/>', 'effort="3" velocity="4"/><mimic joint="shoulder"/>'),
+        'effort="3" velocity="4"/>',
+        'effort="3" velocity="4"/><mimic joint="shoulder"/>',
         "'elbow' .*mimics 'shoulder'",
     ),
     "a link twice": (
-        changed(PITCH, '<link name="flange"/>', '<link name="flange"/><link name="lower"/>'),
+        '<link name="flange"/>',
+        '<link name="flange"/><link name="lower"/>',
         "<link> a second time: 'lower'",
     ),
-    "an unknown parent": (
-        changed(PITCH, '<parent link="upper"/>', '<parent link="uper"/>'),
-        "'elbow' names the link 'uper'",
-    ),
+    "an unknown parent": ('<parent link="upper"/>', '<parent link="uper"/>', "'elbow' names the link 'uper'"),
     "two parents": (
-        changed(
-            PITCH,
-            "</robot>",
-            '<joint name="again" type="fixed"><parent link="plate"/><child link="lower"/></joint></robot>',
-        ),
+        END,
+        '<joint name="again" type="fixed"><parent link="plate"/><child link="lower"/></joint></robot>',
         "'lower' hangs from two joints",
     ),
-    "two roots": (changed(PITCH, "</robot>", '<link name="stray"/></robot>'), "and here do: plate, stray"),
+    "two roots": (END, '<link name="stray"/></robot>', "and here do: plate, stray"),
     "a loop": (
-        changed(
-            PITCH,
-            "</robot>",
-            '<joint name="back" type="fixed"><parent link="flange"/><child link="plate"/></joint></robot>',
-        ),
+        END,
+        '<joint name="back" type="fixed"><parent link="flange"/><child link="plate"/></joint></robot>',
         "and here do: none",
     ),
+    "a missing mesh": (
+        LOWER_BOX,
+        of_mesh("meshes/lower.stl"),
+        "'lower' collides as a mesh .*meshes/lower.stl was looked for in .*meshes/lower.stl and is not there.*meshes=",
+    ),
+    "a collada mesh": (
+        LOWER_BOX,
+        of_mesh("lower.dae"),
+        "'lower' collides as a mesh .*lower.dae is no .stl, .obj, .msh file; convert",
+    ),
+    "a broken mesh": (LOWER_BOX, of_mesh("broken.stl"), "MuJoCo cannot compile it"),
+    "a way out": (LOWER_BOX, of_mesh("../../../etc/passwd.stl"), "points out of .* nothing outside is read"),
+    "a way out of a package": (LOWER_BOX, of_mesh("package://arm/../../etc/passwd.stl"), "points out of"),
+    "the root": (LOWER_BOX, of_mesh("/etc/passwd.stl"), "points out of"),
+    "a file of the root": (LOWER_BOX, of_mesh("file:///etc/passwd.stl"), "points out of"),
+    "a link out": (LOWER_BOX, of_mesh("out/passwd.stl"), "points out of"),
+    "another machine": (LOWER_BOX, of_mesh("http://example.org/lower.stl"), "is not on this machine"),
+}
+URDF = {name: (changed(PITCH, old, new), message) for name, (old, new, message) in URDF_CHANGES.items()} | {
     "a template": (
         changed(PITCH, "<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ').replace(
             "</robot>", "<xacro:arm/></robot>"
@@ -118,21 +110,6 @@ URDF = {
         "Expand it first: xacro",
     ),
     "no joints": ('<robot name="rock"><link name="rock"/></robot>', "0 joints turn, and the controller flies 1 to 8"),
-    "a missing mesh": (
-        mesh("meshes/lower.stl"),
-        "'lower' collides as a mesh .*meshes/lower.stl was looked for in .*meshes/lower.stl and is not there.*meshes=",
-    ),
-    "a collada mesh": (
-        mesh("lower.dae"),
-        "'lower' collides as a mesh .*lower.dae is no .stl, .obj, .msh file; convert",
-    ),
-    "a broken mesh": (mesh("broken.stl"), "MuJoCo cannot compile it"),
-    "a way out": (mesh("../../../etc/passwd.stl"), "points out of .* nothing outside is read"),
-    "a way out of a package": (mesh("package://arm/../../etc/passwd.stl"), "points out of"),
-    "the root": (mesh("/etc/passwd.stl"), "points out of"),
-    "a file of the root": (mesh("file:///etc/passwd.stl"), "points out of"),
-    "a link out": (mesh("out/passwd.stl"), "points out of"),
-    "another machine": (mesh("http://example.org/lower.stl"), "is not on this machine"),
     "a document type": ('<!DOCTYPE robot [<!ENTITY a "aaaa">]>' + PITCH, "declares a document type or entities"),
     "malformed": (PITCH[:-20], "not well-formed XML"),
     "something else": ("<sdf/>", "begins with <sdf>: neither URDF"),
@@ -167,30 +144,26 @@ def test_the_file_that_these_cases_change_is_read(folder: Path) -> None:
 
 
 MJCF = {
-    "include": ("<worldbody>", '<include file="/etc/passwd"/><worldbody>', "<include> is not supported"),
-    "plugin": (
-        "<worldbody>",
-        '<extension><plugin plugin="mujoco.elasticity.cable"/></extension><worldbody>',
-        "it runs code",
-    ),
+    "include": (WORLD, '<include file="/etc/passwd"/><worldbody>', "<include> is not supported"),
+    "plugin": (WORLD, '<extension><plugin plugin="mujoco.elasticity.cable"/></extension><worldbody>', "it runs code"),
     "replicate": (
         '<body name="flange" pos="0.1 0 0"/>',
         '<replicate count="9999999"><body/></replicate>',
         "generates many",
     ),
     "height field": (
-        "<worldbody>",
+        WORLD,
         '<asset><hfield name="h" file="h.png" size="1 1 1 1"/></asset><worldbody>',
         "it is terrain",
     ),
-    "a way out": ("<worldbody>", '<asset><mesh name="m" file="../m.stl"/></asset><worldbody>', "points out of"),
+    "a way out": (WORLD, '<asset><mesh name="m" file="../m.stl"/></asset><worldbody>', "points out of"),
     "a way out by meshdir": (
         '<compiler angle="radian"',
         '<asset><mesh name="m" file="m.stl"/></asset><compiler meshdir="/etc" angle="radian"',
         "points out of",
     ),
     "a built mesh": (
-        "<worldbody>",
+        WORLD,
         '<asset><mesh name="m" builtin="sphere" params="9"/></asset><worldbody>',
         "generated by MuJoCo",
     ),
@@ -201,16 +174,16 @@ MJCF = {
     ),
     "a ball": ('<joint name="elbow" axis="0 1 0"', '<joint name="elbow" type="ball"', "of type ball"),
     "coupled": (
-        "<actuator>",
+        ACTUATORS,
         '<equality><joint joint1="elbow" joint2="shoulder"/></equality><actuator>',
         "'shoulder' .*<equality> ties",
     ),
     "a loop": (
-        "<actuator>",
+        ACTUATORS,
         '<equality><connect body1="lower" body2="plate" anchor="0 0 0"/></equality><actuator>',
         "closes a loop",
     ),
-    "unknown words": ("<worldbody>", "<wordbody>", "MuJoCo cannot compile it|not well-formed"),
+    "unknown words": (WORLD, "<wordbody>", "MuJoCo cannot compile it|not well-formed"),
     "no limits": (' range="-1 2"', ' range="2 -1"', "'shoulder' turns from 2 to -1 rad"),
     "no solid": ('diaginertia="1e-5 9e-5 9e-5"', 'diaginertia="1e-3 9e-5 9e-5"', "MuJoCo cannot compile it.*A .* B"),
     "two arms": ("</worldbody>", '<body name="other"/></worldbody>', "it holds 2 robots or parts: other, plate"),

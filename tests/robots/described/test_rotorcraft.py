@@ -29,7 +29,7 @@ def flying(found: ReadRotorcraft) -> Robot:
     return Robot("tern", "A quadrotor from an MJCF.", found.base, Arm(), NO_GRIPPER, rest_forward=(), rest_down=())
 
 
-def test_rotors_and_inertia_are_those_of_the_file_about_its_centre_of_mass(tmp_path: Path) -> None:
+def test_rotors_and_inertia_are_the_files_about_its_centre(tmp_path: Path) -> None:
     found = read(tmp_path)
     base = found.base
     assert base.mass == 1.5
@@ -62,7 +62,7 @@ def changed(old: str, new: str) -> str:
         (changed("0 6.5", "-2 -1"), "'rr' thrusts from -4 to -2 N"),
         (QUAD_MJCF[: QUAD_MJCF.index("<actuator>")] + "</mujoco>", "it has no rotors.*PX4"),
         (QUAD_MJCF.replace("-0.016", "0.016"), "cannot produce lift and three torques"),
-        (changed("</worldbody>", '<body name="box"/></worldbody>'), "holds 2 bodies in the world: tern, box"),
+        (changed("</worldbody>", '<body name="box"/></worldbody>'), "holds 2 bodies in the world: box, tern"),
         (changed('mass="1.5"', 'mass="0"'), "MuJoCo cannot compile it|has no mass"),
     ],
 )

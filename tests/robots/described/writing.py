@@ -14,11 +14,11 @@ INERTIA = ("ixx", "iyy", "izz")
 
 def inertial(mass: float, com: Sequence[float], moments: Sequence[float]) -> str:
     """An ``<inertial>`` with its axes along those of the link."""
-    told = " ".join(f'{name}="{float(value)!r}"' for name, value in zip(INERTIA, moments, strict=True))
+    written = " ".join(f'{name}="{float(value)!r}"' for name, value in zip(INERTIA, moments, strict=True))
     x, y, z = (repr(float(value)) for value in com)
     return (
         f'<inertial><origin xyz="{x} {y} {z}"/><mass value="{float(mass)!r}"/>'
-        f'<inertia {told} ixy="0" ixz="0" iyz="0"/></inertial>'
+        f'<inertia {written} ixy="0" ixz="0" iyz="0"/></inertial>'
     )
 
 

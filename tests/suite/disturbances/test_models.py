@@ -58,7 +58,7 @@ def test_draws_fill_their_ranges_evenly() -> None:
     assert (np.abs(offsets).max(axis=0) > 0.9 * np.array(robot.base.hub_size)).all()
 
 
-def test_the_payload_makes_objects_and_base_heavier_as_a_point_mass_does() -> None:
+def test_the_payload_is_a_point_mass_on_objects_and_base() -> None:
     model, (drawn, values) = nominal(), draw("payload", 8)
     base, cube = model.body("base").id, model.body("cube").id
     np.testing.assert_allclose(values["body_mass"][cube], drawn["object_mass"][0] * model.body_mass[cube])
@@ -79,7 +79,7 @@ def test_the_payload_makes_objects_and_base_heavier_as_a_point_mass_does() -> No
         np.testing.assert_array_equal(values[name][others], getattr(model, name)[others])
 
 
-def test_friction_scales_sliding_of_every_contact_and_not_the_robots_joints() -> None:
+def test_friction_scales_contacts_and_not_the_robots_joints() -> None:
     model, (drawn, values) = nominal(), draw("friction", 2)
     np.testing.assert_allclose(values["geom_friction"][:, :2], drawn["contact_friction"] * model.geom_friction[:, :2])
     np.testing.assert_array_equal(values["geom_friction"][:, 2], model.geom_friction[:, 2])

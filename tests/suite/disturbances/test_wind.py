@@ -59,7 +59,7 @@ def test_scales_and_intensities_are_those_of_the_standard() -> None:
 
 
 @pytest.mark.parametrize("dt", [0.004, 0.02, 0.3])
-def test_variance_and_correlation_are_those_of_theory_at_any_step(dt: float) -> None:
+def test_variance_and_correlation_are_those_of_theory(dt: float) -> None:
     found = series(dt, 150_000)
     found = found[:, :3] / SIGMA
     samples = 0.5 * len(found) * dt / TIME
@@ -114,7 +114,7 @@ def test_it_blows_where_its_direction_says() -> None:
 
 @pytest.mark.parametrize("share", [0.06, 0.13])
 @pytest.mark.parametrize("robot", [name for name in robots.names() if robots.get(name).vehicle.drag.any()])
-def test_the_largest_gust_changes_every_vehicles_drag_by_the_same_share_of_its_weight(robot: str, share: float) -> None:
+def test_the_largest_gust_drags_with_a_share_of_the_weight(robot: str, share: float) -> None:
     vehicle = robots.get(robot).vehicle
     air = air_about(vehicle, share)
     mean = air.speed * mean_share(wind.WORK_HEIGHT_M)

@@ -1,4 +1,4 @@
-"""lerobot finds our environments, by either road, and sees in them what it finds in our datasets."""
+"""lerobot knows our environments, by either road, and sees in them what our datasets have."""
 
 from __future__ import annotations
 

@@ -10,13 +10,13 @@ online learning", AISTATS 2011: algorithm 3.1.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.checks import require_choice, require_positive, require_share
 from aerial_il.core.seeding import named_rng
 
 Beta = Literal["exponential", "linear", "zero"]
@@ -40,14 +40,9 @@ class CoinGate(GateSettings):
     hold: int = 25
 
     def __post_init__(self) -> None:
-        if self.beta not in get_args(Beta):
-            raise InvalidValueError(f"Unknown beta schedule {self.beta!r}. Valid: {', '.join(get_args(Beta))}.")
-        if not 0 <= self.decay <= 1:
-            raise InvalidValueError(f"decay is {self.decay}; a share of flying that decays lies in [0, 1].")
-        if self.over < 1:
-            raise InvalidValueError(f"over is {self.over}; a linear schedule takes at least 1 round.")
-        if self.hold < 1:
-            raise InvalidValueError(f"hold is {self.hold}; whoever wins a toss flies for at least 1 step.")
+        require_choice(self, "beta", Beta)
+        require_share(self, "decay")
+        require_positive(self, "over", "hold")
 
     def share(self, number: int) -> float:
         """Return beta in round ``number``: 1 in round 0, never rising."""

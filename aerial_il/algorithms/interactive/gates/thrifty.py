@@ -17,6 +17,7 @@ from aerial_il.algorithms.interactive.disagreement import ActionScale, actions_a
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.algorithms.interactive.risk import RiskModel, fit_risk
+from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -62,11 +63,7 @@ class ThriftyGate(GateSettings):
             raise InvalidValueError(f"ensemble is {self.ensemble}; disagreement takes at least 2 policies.")
         if not 0 < self.alarms < 1:
             raise InvalidValueError(f"alarms is {self.alarms}; it is a share of states, in (0, 1).")
-        for name in ("alone", "least", "patience"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(f"{name} is {getattr(self, name)}; it must be at least 1.")
-        if not self.agreement > 0:
-            raise InvalidValueError(f"agreement is {self.agreement}; the expert hands back at more than 0 only.")
+        require_positive(self, "alone", "least", "patience", "agreement")
         if not (self.novelty or self.risk):
             raise InvalidValueError("novelty and risk are both off: the expert would never be called.")
 

@@ -29,7 +29,7 @@ class MLflow:
             self._id = self._client.create_run(self._experiment(), run_name=run.name).info.run_id
         except self._failure as error:
             hint = f"Check {ADDRESS}, or leave out tracker=mlflow."
-            raise InvalidValueError(f"tracker=mlflow could not begin at {address} ({error}). {hint}") from error
+            raise InvalidValueError(f"tracker=mlflow could not start at {address} ({error}). {hint}") from error
 
     def _experiment(self) -> str:
         name = os.environ.get("MLFLOW_EXPERIMENT_NAME", EXPERIMENT)

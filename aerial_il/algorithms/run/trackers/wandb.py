@@ -22,7 +22,7 @@ class WeightsAndBiases:
             self._run = wandb.init(dir=str(run), name=run.name, group=run.name, project=project)
         except wandb.errors.Error as error:
             hint = "Log in with: wandb login; or set WANDB_MODE=offline, or leave out tracker=wandb."
-            raise InvalidValueError(f"tracker=wandb could not begin ({error}). {hint}") from error
+            raise InvalidValueError(f"tracker=wandb could not start ({error}). {hint}") from error
 
     def write(self, row: Mapping[str, float]) -> None:
         self._run.log({name: value for name, value in row.items() if name != "step"}, step=int(row["step"]))

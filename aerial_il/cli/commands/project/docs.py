@@ -21,7 +21,7 @@ def run(settings: Docs) -> None:
     from aerial_il.cli import reference
 
     if settings.site and not Path(settings.site).exists():
-        print("Building the site takes about 30 s of processor time; a second time takes 10.", flush=True)
+        print("Building the site takes about 30 s of processor time, the next time 10.", flush=True)
     for path in pages(settings):
         print(path)
     start = site(settings, reference.pages() if settings.site else {})

@@ -17,10 +17,15 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def content_digest(episode: Episode) -> str:
-    """Return the SHA-256 of all values of an episode, their shapes and types, whatever file they lie in."""
+def content_digest(episode: Episode, spec: Mapping[str, Any] | None = None) -> str:
+    """Return the SHA-256 of all values of an episode, their shapes and types, whatever file they lie in.
+
+    Args:
+        episode: what is read or written. spec: its specification as a file says it, which may lack what is new.
+    """
+    spec = episode.spec.to_dict() if spec is None else spec
     identity = {"uid": episode.uid, "success": episode.success, "model": episode.model_xml}
-    sha = hashlib.sha256(sealed({**identity, "spec": episode.spec.to_dict(), "provenance": dict(episode.provenance)}))
+    sha = hashlib.sha256(sealed({**identity, "spec": spec, "provenance": dict(episode.provenance)}))
     arrays = {name: getattr(episode, name) for name in ARRAYS} | {f"obs/{k}": v for k, v in episode.obs.items()}
     for name, values in sorted(arrays.items()):
         sha.update(f"{name} {values.dtype.str} {values.shape}".encode())

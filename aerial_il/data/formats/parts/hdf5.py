@@ -72,7 +72,7 @@ def later(path: Path, group: h5py.Group, name: str) -> np.ndarray | Later:
 
     def read() -> np.ndarray:
         with opened(file_path, f"has unreadable pictures in {place}/{name}") as file:
-            return array(path, file[place], name)
+            return array(path, child(path, file, place, h5py.Group), name)
 
     return Later(dataset.shape, dataset.dtype, read)
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -36,7 +37,7 @@ KNOWN = tuple(name for names in NAMES.values() for name in names)
 
 def source_of(path: Path, arrays: Mapping[str, np.ndarray]) -> Source:
     """Return the source of a file that holds such arrays, by their own names."""
-    held = {what: arrays[name] for what, names in NAMES.items() for name in names if name in arrays}
+    held: dict[str, Any] = {what: arrays[name] for what, names in NAMES.items() for name in names if name in arrays}
     if missing := [name for name in ("obs", "actions") if name not in held]:
         known = ", ".join(" or ".join(NAMES[name]) for name in missing)
         raise DemoError(path, f"holds no transitions: it lacks {known}.")

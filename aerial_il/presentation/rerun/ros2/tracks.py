@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from aerial_il.data.formats.parts.ros2_bag import Frame
 from aerial_il.presentation.rerun.motion import Motion
+from aerial_il.presentation.rerun.ros2.bag import Frame
 from aerial_il.presentation.rerun.ros2.kinematics import FIXED, WORLD, Joint, Pose, Tree, body_name
 
 TOOL = "tool"

@@ -26,9 +26,9 @@ import mujoco
 import numpy as np
 
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.parts.ros2_bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.geometry import plain
-from aerial_il.presentation.rerun.motion import compile_scene, move
+from aerial_il.presentation.rerun.motion import compile_scene, move, recorded_cameras
+from aerial_il.presentation.rerun.ros2.bag import Bag, Frame, Lens, Marker
 from aerial_il.presentation.rerun.ros2.kinematics import WORLD, Tree, body_name, tree_of
 from aerial_il.presentation.rerun.ros2.shapes import shapes_of
 from aerial_il.presentation.rerun.ros2.tracks import Track, body_pose, optical, tracks_of
@@ -72,7 +72,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
 def _begin(bag: Bag, episode: Episode, model: mujoco.MjModel, tree: Tree, static: list[Track]) -> None:
     """Add what lasts."""
     start, urdf = float(episode.sim_time[0]), urdf_of(model, tree, plain(episode.spec.robot))
-    bag.tell("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
+    bag.add_metadata("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
     bag.attach(URDF, "application/xml", urdf.encode())
     bag.text("/robot_description", start, urdf)
     bag.frames("/tf_static", start, [track.at() for track in static], lasting=True)
@@ -107,15 +107,12 @@ def _add_pictures(bag: Bag, episode: Episode, lenses: dict[str, Lens], step: int
 
 
 def _lenses(model: mujoco.MjModel, episode: Episode) -> dict[str, Lens]:
-    """Return how the cameras of all pictures see: MuJoCo tells the angle from top to bottom."""
-    found = {}
-    for field in (f.name for f in episode.spec.observation.of_group("image") if f.name in episode.obs):
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, _camera(field))
-        if index >= 0:
-            height, width = episode.obs[field].shape[1:3]
-            focal = 0.5 * height / float(np.tan(0.5 * np.deg2rad(model.cam_fovy[index])))
-            found[field] = Lens(width, height, focal)
-    return found
+    """Return how the cameras of all pictures see: MuJoCo has the angle from top to bottom."""
+    lenses = {}
+    for field, _, focal in recorded_cameras(episode, model):
+        height, width = episode.obs[field].shape[1:3]
+        lenses[field] = Lens(width, height, focal)
+    return lenses
 
 
 def _camera(field: str) -> str:

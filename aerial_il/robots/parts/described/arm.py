@@ -19,7 +19,7 @@ from aerial_il.robots.parts.described.joints import JointFigures
 from aerial_il.robots.parts.described.link import DescribedArm, DescribedLink
 from aerial_il.robots.parts.described.model import Model, read_model
 from aerial_il.robots.parts.described.placement import Placement, from_rpy
-from aerial_il.robots.parts.described.shape import CONVEX, Shape, shape_of
+from aerial_il.robots.parts.described.shape import CONVEX, Shape
 
 STIFFNESS_PER_TORQUE, DAMPING_S, ARMATURE_PER_TORQUE = 8.0, 0.05, 1.5e-3  # 1/rad, s, s²: as our own arms have them
 ENDLESS = (-np.pi, np.pi)
@@ -136,7 +136,8 @@ class _Reader:
         length = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(seats))
         links = tuple(self._link(j, seats[j], seats[j + 1], length) for j in range(len(self.chain.joints)))
         foot = self._foot()
-        self._note_meshes()
+        for clause in self.model.mesh_notes():
+            self._note(clause)
         arm = DescribedArm(links, mount=_vector(seats[0]), foot=self._shapes(0, np.zeros(3)))
         spin = foot.tensor + foot.mass * about(foot.com) if foot else np.zeros((3, 3))
         mass = foot.mass if foot else 0.0
@@ -177,7 +178,7 @@ class _Reader:
 
     def _rigid(self, group: int, reach: float) -> RigidBody:
         """All that moves with one joint, as one body."""
-        parts = [body for body in map(self.place.rigid_body, self.chain.groups[group]) if body.mass > 0.0]
+        parts = self.place.massive(self.chain.groups[group])
         title = self._title(group)
         if not parts:
             raise ModelFileError(
@@ -195,7 +196,7 @@ class _Reader:
         return whole
 
     def _foot(self) -> RigidBody | None:
-        parts = [body for body in map(self.place.rigid_body, self.chain.groups[0]) if body.mass > 0.0]
+        parts = self.place.massive(self.chain.groups[0])
         return joined(parts) if parts else None
 
     def _limits(self, name: str, zero: float) -> tuple[float, float]:
@@ -209,21 +210,21 @@ class _Reader:
 
     def _servo(self, name: str) -> dict[str, float]:
         """Figures of a servo: the robot's own file first, then the model file, then what follows from the torque."""
-        told, found = self.servos[name], self.model.joints[name]
-        torque = self._needed(name, "torque", told.torque, found, "the URDF's effort, or a forcerange, in N m")
-        speed = self._needed(name, "speed", told.speed, found, "the URDF's velocity, in rad/s")
-        stiffness = told.stiffness or found.stiffness or STIFFNESS_PER_TORQUE * torque
-        damping = told.damping or found.damping or DAMPING_S * stiffness
-        armature = told.armature if told.armature is not None else found.armature
-        if not (told.stiffness or found.stiffness):
+        given, figures = self.servos[name], self.model.joints[name]
+        torque = self._needed(name, "torque", given.torque, figures, "the URDF's effort, or a forcerange, in N m")
+        speed = self._needed(name, "speed", given.speed, figures, "the URDF's velocity, in rad/s")
+        stiffness = given.stiffness or figures.stiffness or STIFFNESS_PER_TORQUE * torque
+        damping = given.damping or figures.damping or DAMPING_S * stiffness
+        armature = given.armature if given.armature is not None else figures.armature
+        if not (given.stiffness or figures.stiffness):
             self._note(f"the servo of {name!r} has an assumed stiffness of {stiffness:.4g} N m/rad")
         if armature is None:
             armature = ARMATURE_PER_TORQUE * torque
             self._note(f"the rotor of {name!r} has an assumed armature of {armature:.4g} kg m²")
         return {"torque": torque, "speed": speed, "stiffness": stiffness, "damping": damping, "armature": armature}
 
-    def _needed(self, name: str, word: str, told: float | None, found: JointFigures, where: str) -> float:
-        value = told if told is not None else getattr(found, word)
+    def _needed(self, name: str, word: str, given: float | None, figures: JointFigures, where: str) -> float:
+        value = given if given is not None else getattr(figures, word)
         if value is None or not np.isfinite(value) or value <= 0.0:
             problem = f"joint {name!r} has no {word} above zero ({where})"
             raise self.model.error(f"{problem}. Say it: servos={{{name!r}: Servo({word}=...)}}.")
@@ -231,28 +232,19 @@ class _Reader:
 
     def _shapes(self, group: int, seat: np.ndarray) -> tuple[Shape, ...]:
         """Shapes of what moves together, in the frame of its link; what collides is hidden where there are looks."""
-        data, found = self.place.data, []
-        for body in self.chain.groups[group]:
-            for geom in self.model.geoms_of(body):
-                pos, rot = self.place.point(data.geom_xpos[geom]) - seat, self.place.axes(data.geom_xmat[geom])
-                found.append(shape_of(self.model.compiled, geom, pos, rot, coarse=self.model.coarse))
-        for shape in found:
+        shapes = self.place.shapes(self.chain.groups[group], seat)
+        for shape in shapes:
             if shape.collides and shape.filling < CONVEX:
                 link, share = self._title(group), f"{shape.filling:.0%}"
                 self._note(f"a mesh of link {link!r} collides as its convex hull, of which it fills {share}")
-        dressed = any(not shape.collides for shape in found)
-        return tuple(replace(shape, seen=not (shape.collides and dressed)) for shape in found)
-
-    def _note_meshes(self) -> None:
-        for clause in self.model.mesh_notes():
-            self._note(clause)
+        dressed = any(not shape.collides for shape in shapes)
+        return tuple(replace(shape, seen=not (shape.collides and dressed)) for shape in shapes)
 
 
 def _checked_zero(model: Model, chain: Chain, zero: tuple[float, ...] | None) -> tuple[float, ...]:
     values = tuple(float(value) for value in zero) if zero is not None else (0.0,) * len(chain.joints)
     if len(values) != len(chain.joints) or not np.isfinite(values).all():
-        problem = f"zero has one angle for each of {', '.join(chain.names)}, got {values}"
-        raise model.error(f"{problem}.")
+        raise model.error(f"zero has one angle for each of {', '.join(chain.names)}, got {values}.")
     return values
 
 

@@ -36,7 +36,7 @@ def find_chain(
 ) -> Chain:
     """Return the chain from ``base`` to ``tool``; see :func:`aerial_il.robots.parts.described.arm.read_arm`."""
     _check_names(model, locked)
-    root = _root(model, base)
+    root = model.only_root("robots or parts", "base") if base is None else model.body(base, "base")
     dropped = {body for name in drop for body in model.below(model.body(name, "drop"))}
     kept = [body for body in model.below(root) if body not in dropped]
     end = _tool(model, tool, kept)
@@ -60,16 +60,6 @@ def _check_names(model: Model, locked: Mapping[str, float]) -> None:
     for name in locked:
         if name not in known:
             raise model.error(f"locked names {name!r}, which is no joint. Joints: {_list(known)}.")
-
-
-def _root(model: Model, base: str | None) -> int:
-    if base is not None:
-        return model.body(base, "base")
-    roots = model.children(0)
-    if len(roots) != 1:
-        found = _list(model.name(body) for body in roots)
-        raise model.error(f"it holds {len(roots)} robots or parts: {found}. Choose one with base=....")
-    return roots[0]
 
 
 def _tool(model: Model, tool: str | None, kept: list[int]) -> int:

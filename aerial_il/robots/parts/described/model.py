@@ -57,6 +57,14 @@ class Model:
     def children(self, body: int) -> list[int]:
         return [child for child in range(1, self.compiled.nbody) if self.parent(child) == body]
 
+    def only_root(self, what: str, option: str) -> int:
+        """The body that hangs from no other; where there are several ``what``, ``option`` is to choose one."""
+        roots = self.children(0)
+        if len(roots) != 1:
+            names = ", ".join(sorted(self.name(body) for body in roots)) or "none"
+            raise self.error(f"it holds {len(roots)} {what}: {names}. Choose one with {option}=....")
+        return roots[0]
+
     def below(self, body: int) -> list[int]:
         """A body and all that hangs from it, parents first."""
         found = [body]

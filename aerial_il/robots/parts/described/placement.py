@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 
 from aerial_il.robots.parts.arm import Vector
 from aerial_il.robots.parts.described.inertia import RigidBody
 from aerial_il.robots.parts.described.model import Model
+from aerial_il.robots.parts.described.shape import Shape, shape_of
 
 
 class Placement:
@@ -37,8 +40,27 @@ class Placement:
 
     def rigid_body(self, body: int) -> RigidBody:
         """Mass and inertia of one body."""
-        found = self.model.rigid_body(self.data, body)
-        return RigidBody(found.mass, self.point(found.com), self._turn @ found.tensor @ self._turn.T)
+        own = self.model.rigid_body(self.data, body)
+        return RigidBody(own.mass, self.point(own.com), self._turn @ own.tensor @ self._turn.T)
+
+    def massive(self, bodies: Iterable[int]) -> list[RigidBody]:
+        """Mass and inertia of those of several bodies that have any."""
+        return [body for body in map(self.rigid_body, bodies) if body.mass > 0.0]
+
+    def shapes(self, bodies: Iterable[int], origin: np.ndarray) -> tuple[Shape, ...]:
+        """Shapes of several bodies, about a point (3,) of the base's frame, m."""
+        data, model = self.data, self.model
+        return tuple(
+            shape_of(
+                model.compiled,
+                geom,
+                self.point(data.geom_xpos[geom]) - origin,
+                self.axes(data.geom_xmat[geom]),
+                coarse=model.coarse,
+            )
+            for body in bodies
+            for geom in model.geoms_of(body)
+        )
 
 
 def turned_about(axis: np.ndarray, angle: float) -> np.ndarray:

@@ -16,10 +16,10 @@ from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.inertia import RigidBody, flaw, joined
 from aerial_il.robots.parts.described.model import Model, read_model
 from aerial_il.robots.parts.described.placement import Placement
-from aerial_il.robots.parts.described.shape import Shape, shape_of
+from aerial_il.robots.parts.described.shape import Shape
 from aerial_il.robots.parts.rotorcraft import Rotorcraft
 
-SKEW = 0.02  # of the largest moment: products of inertia that are worth a note
+SKEW = 0.02  # of the largest moment: products of inertia that are noted
 SITE = int(mujoco.mjtTrn.mjTRN_SITE)
 
 
@@ -82,7 +82,7 @@ def read_rotorcraft(
     place = Placement(model, model.data({}), kept[0], np.zeros(3), np.eye(3))
     whole = _whole(model, place, kept)
     pos, axis, ratio, low, high = _rotors(model, place, kept, max_thrust)
-    shapes = _shapes(model, place, kept, whole.com)
+    shapes = place.shapes(kept, whole.com)
     base = DescribedRotorcraft(
         mass=whole.mass,
         inertia=_vector(np.diag(whole.tensor)),
@@ -104,7 +104,7 @@ def read_rotorcraft(
 
 def _bodies(model: Model, body: str | None, drop: Collection[str]) -> list[int]:
     """The vehicle's bodies, its root first, without those dropped and what hangs on them."""
-    root = model.body(body, "body") if body else _only_root(model)
+    root = model.body(body, "body") if body else model.only_root("bodies in the world", "body")
     dropped = {below for name in drop for below in model.below(model.body(name, "drop"))}
     if root in dropped:
         raise model.error(f"drop names body {model.name(root)!r} or one above it; that is the vehicle itself.")
@@ -119,17 +119,9 @@ def _check_rotors(base: Rotorcraft, path: str | Path) -> None:
         raise ModelFileError(path, f"{error}") from error
 
 
-def _only_root(model: Model) -> int:
-    roots = model.children(0)
-    if len(roots) != 1:
-        found = ", ".join(model.name(body) for body in roots) or "none"
-        raise model.error(f"it holds {len(roots)} bodies in the world: {found}. Choose one with body=....")
-    return roots[0]
-
-
 def _whole(model: Model, place: Placement, kept: list[int]) -> RigidBody:
     """The vehicle as one rigid body, in the frame of its root."""
-    parts = [found for found in map(place.rigid_body, kept) if found.mass > 0.0]
+    parts = place.massive(kept)
     if not parts:
         raise model.error(f"body {model.name(kept[0])!r} has no mass. Give it an <inertial>.")
     whole = joined(parts)
@@ -176,15 +168,6 @@ def _thrusts(model: Model, i: int, max_thrust: float | None) -> tuple[float, flo
         name = compiled.actuator(i).name
         raise model.error(f"actuator {name!r} thrusts from {low:g} to {high:g} N: up must be above 0.")
     return low, high
-
-
-def _shapes(model: Model, place: Placement, kept: list[int], com: np.ndarray) -> tuple[Shape, ...]:
-    data, found = place.data, []
-    for body in kept:
-        for geom in model.geoms_of(body):
-            pos, rot = place.point(data.geom_xpos[geom]) - com, place.axes(data.geom_xmat[geom])
-            found.append(shape_of(model.compiled, geom, pos, rot, coarse=model.coarse))
-    return tuple(found)
 
 
 def _extent(shapes: tuple[Shape, ...]) -> Vector | None:

@@ -1,4 +1,4 @@
-"""The XML of a model file, read so that a stranger's file can do no harm."""
+"""The XML of a model file, read so that a file from anybody can do no harm."""
 
 from __future__ import annotations
 

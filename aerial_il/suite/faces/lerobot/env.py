@@ -3,7 +3,7 @@
     lerobot-eval --env.discover_packages_path=aerial_il.suite.faces.lerobot --env.type=aerial_il \\
         --env.task=reach --env.robot=fa_hexa_arm4 --policy.path=PATH --eval.n_episodes=50 --seed=10000
 
-With the package of ``plugins/lerobot_env_aerial_il`` installed, lerobot finds it without being told where to look.
+With the package of ``plugins/lerobot_env_aerial_il`` installed, lerobot finds it by itself.
 
 Observations and actions are those of the datasets that ``aerial-il convert`` writes: proprioception as the state, the
 task's fields as the environment's state, colour cameras as images, actions in SI units. An episode ends as in our own

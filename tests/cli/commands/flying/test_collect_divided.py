@@ -37,7 +37,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 @pytest.mark.parametrize(
     ("shard", "victims", "jobs"), [(6, {"seed=3"}, 2), pytest.param(4, {"seed=3", "seed=7"}, 3, marks=pytest.mark.slow)]
 )
-def test_the_dataset_is_the_same_however_many_record_it_and_whoever_is_killed(
+def test_the_dataset_is_the_same_whoever_records_or_is_killed(
     tmp_path: Path, whole: dict[str, str], monkeypatch: pytest.MonkeyPatch, shard: int, victims: set[str], jobs: int
 ) -> None:
     killed = set[str]()

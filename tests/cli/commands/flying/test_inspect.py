@@ -12,7 +12,7 @@ from PIL import Image
 from aerial_il.cli.main import main
 from aerial_il.presentation.films import window
 from aerial_il.presentation.rerun import program
-from tests.evaluation.browser import needs_browser
+from tests.presentation.browser import needs_browser
 from tests.presentation.rerun.conftest import Shown
 
 

@@ -36,9 +36,7 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-def test_without_a_screen_a_flight_becomes_a_page_with_its_recording(
-    dark: None, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_screen_a_flight_becomes_a_page(dark: None, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["view", *REACH, "seed=3"]) == 0
     said = capsys.readouterr().out
     page = Path("runs/views/reach-ua_quad_arm4-calm-3-expert.html")
@@ -99,9 +97,7 @@ def test_bad_input_is_answered(words: list[str], said: str, capsys: pytest.Captu
     assert said in capsys.readouterr().err
 
 
-def test_a_seed_that_a_dataset_lacks_is_answered_with_those_it_has(
-    flight: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_seed_that_a_dataset_lacks_is_answered(flight: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["view", f"recording={flight}", "seed=8"]) == 2
     assert "Seeds from 7 to 7" in capsys.readouterr().err
 
@@ -124,7 +120,7 @@ def test_the_gallery_without_pictures(dark: None, capsys: pytest.CaptureFixture[
     assert "aerial-il doctor" in Path(catalogue.GALLERY).read_text()
 
 
-def test_the_expert_s_flight_for_the_gallery_is_one_that_it_solves() -> None:
+def test_the_flight_for_the_gallery_is_one_that_succeeds() -> None:
     episode, flags = pilots.expert_flight("ua_quad_arm4", "reach")
     assert episode.success
     assert flags.shape == (len(episode), len(episode.spec.subtasks))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.main import main
-from tests.evaluation.outline import Outline
+from tests.presentation.outline import Outline
 from tests.presentation.pages.test_run_report import make_run
 
 

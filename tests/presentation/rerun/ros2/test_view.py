@@ -93,7 +93,7 @@ def test_every_frame_is_where_mujoco_says(view: Read, episodes: list[Episode], s
 
 
 @pytest.mark.parametrize("step", STEPS)
-def test_the_urdf_moved_by_the_joint_states_gives_the_same_frames(view: Read, step: int) -> None:
+def test_the_urdf_at_the_joint_states_gives_the_same_frames(view: Read, step: int) -> None:
     told, found = view.messages["/joint_states"][step], frames(view, step)
     links = poses(view.attached[URDF].decode(), dict(zip(told.name, told.position, strict=True)))
     assert set(links) == {"base", "link_0", "link_1", "link_2", "link_3", "palm", "finger_left", "finger_right"}
@@ -148,7 +148,7 @@ def test_the_scene_is_everything_but_the_robot(view: Read, episodes: list[Episod
     assert all(m.frame_locked for m in told.markers)
 
 
-def test_rerun_shows_the_robot_of_the_description_where_the_frames_say(view: Read, tmp_path: Path) -> None:
+def test_rerun_shows_the_robot_where_the_frames_say(view: Read, tmp_path: Path) -> None:
     out = tmp_path / "flight.rrd"
     said = run("mcap", "convert", str(view.path), "-o", str(out))
     assert "Failed" not in said
@@ -209,7 +209,7 @@ def test_pictures_of_each_kind_are_kept(episodes: list[Episode], tmp_path: Path)
     assert topics["/camera/wrist_rgb/image"].msgtype == "sensor_msgs/msg/CompressedImage"
 
 
-def test_the_command_writes_one_file_for_each_flight_or_one_for_one(
+def test_the_command_writes_a_file_for_each_flight(
     grasps: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -63,37 +63,33 @@ def check_lerobot(path: Path | str) -> dict[str, Any]:
     for what, expected, got in (("frames", info["total_frames"], rows), ("episodes", info["total_episodes"], episodes)):
         if expected != got:
             raise DemoError(path, f"is incomplete: its {what} do not add up.", expected=expected, got=got, hint=REBUILD)
-    if (path / PROVENANCE).is_file():
-        _check_files(path, _read_provenance(path))
+    _check_files(path, _provenance(path))
     return info
 
 
 def altered_files(path: Path) -> list[Path]:
     """Return the files of a dataset whose SHA-256 differs from what was written, videos included."""
-    if not (path / PROVENANCE).is_file():
-        return []
-    listed = {path / _inside(path, name): entry for name, entry in _read_provenance(path)["files"].items()}
-    digests = {file: entry["sha256"] for file, entry in listed.items() if isinstance(entry, dict)}
-    return [file for file, digest in digests.items() if sha256_of(file) != digest]
+    listed = {path / _inside(path, name): entry["sha256"] for name, entry in _provenance(path)["files"].items()}
+    return [file for file, digest in listed.items() if sha256_of(file) != digest]
 
 
 def _check_files(path: Path, provenance: Mapping[str, Any]) -> None:
     """Require that the files are those that were written; videos, which are not read here, by their sizes."""
     for name, entry in provenance["files"].items():
         file = path / _inside(path, name)
-        size, digest = (entry["bytes"], entry["sha256"]) if isinstance(entry, dict) else (entry, None)
         got = file.stat().st_size if file.is_file() else "no file"
-        if got != size:
-            raise DemoError(file, "is missing or cut.", expected=f"{size} bytes", got=got, hint=REBUILD)
-        if digest is not None and file.suffix in (".parquet", ".json") and sha256_of(file) != digest:
+        if got != entry["bytes"]:
+            raise DemoError(file, "is missing or cut.", expected=f"{entry['bytes']} bytes", got=got, hint=REBUILD)
+        if file.suffix in (".parquet", ".json") and sha256_of(file) != entry["sha256"]:
             raise DemoError(file, "was changed after it was written: its SHA-256 differs.", hint=REBUILD)
 
 
-def _read_provenance(path: Path) -> dict[str, Any]:
-    """Return what we keep beside LeRobot's files; from the second version on it is sealed."""
+def _provenance(path: Path) -> dict[str, Any]:
+    """Return what we keep, sealed, beside LeRobot's files; of a dataset of others, that nothing is."""
+    if not (path / PROVENANCE).is_file():
+        return {"files": {}, "episodes": []}
     tree = _read_json(path / PROVENANCE)
-    seal = tree.pop("seal", None)
-    if tree.get("schema") != 1 and seal != hashlib.sha256(sealed(tree)).hexdigest():
+    if tree.pop("seal", None) != hashlib.sha256(sealed(tree)).hexdigest():
         raise DemoError(path / PROVENANCE, "was changed after it was written.", hint=REBUILD)
     return tree
 
@@ -131,8 +127,9 @@ def _source(path: Path, info: Mapping[str, Any], cameras: Cameras) -> Source:
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     ends = np.append(starts[1:], len(index))
-    origins, told = _origins(path), _told(path)
-    spec = _spec(path, info, table, _instruction(told))
+    told, ours = _told(path), _provenance(path)
+    origins = {entry["uid"]: entry for entry in ours["episodes"]}
+    spec = _recorded_spec(path, ours) or declared_spec(info["features"]) or _spec(path, info, table, _instruction(told))
     seen = wanted_cameras(cameras, camera_fields(info["features"]))
     if UID not in columns:
         _say_what_is_left(path, info, told)
@@ -247,16 +244,16 @@ def _matrix(path: Path, rows: pa.Table, column: str, width: int) -> np.ndarray:
     return values.reshape(len(rows), width)
 
 
+def _recorded_spec(path: Path, provenance: Mapping[str, Any]) -> EnvSpec | None:
+    try:
+        return EnvSpec.from_dict(provenance["spec"]) if "spec" in provenance else None
+    except AerialError as error:
+        raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
+
+
 def _spec(path: Path, info: Mapping[str, Any], table: pa.Table, instruction: str) -> EnvSpec:
-    """Return the recorded specification, or one read off a foreign dataset's columns; its bounds are those seen."""
-    if (path / PROVENANCE).is_file():
-        try:
-            return EnvSpec.from_dict(_read_provenance(path)["spec"])
-        except AerialError as error:
-            raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
+    """Return what can be read off a foreign dataset's columns; the bounds are those of the actions seen."""
     features = info["features"]
-    if (ours := declared_spec(features)) is not None:
-        return ours
     if ACTION not in features or STATE not in features:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
     fields = [_vector(name, features[name], group) for name, group in GROUPS.items() if name in features]
@@ -282,12 +279,6 @@ def _spec(path: Path, info: Mapping[str, Any], table: pa.Table, instruction: str
 def _vector(name: str, feature: Mapping[str, Any], group: Group) -> Field:
     shape = tuple(feature["shape"])
     return Field(name, shape, group, labels=_labels(feature, int(shape[0])) if len(shape) == 1 else ())
-
-
-def _origins(path: Path) -> dict[str, dict[str, Any]]:
-    if not (path / PROVENANCE).is_file():
-        return {}
-    return {entry["uid"]: entry for entry in _read_provenance(path)["episodes"]}
 
 
 def _check_info(path: Path, info: Mapping[str, Any]) -> None:

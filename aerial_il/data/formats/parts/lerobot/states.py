@@ -8,6 +8,7 @@ Source: ``DatasetWriter.save_episode`` of lerobot 0.6.1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import pyarrow.parquet as pq
 
 PROVENANCE = "meta/provenance.json"  # ours, beside what lerobot writes there
 MEBIBYTE = 1 << 20
+BINS = 5000  # of lerobot's histograms
 
 
 class StateWriter:
@@ -50,8 +52,6 @@ class StateWriter:
             columns: each feature (T, ...), those of one element (T,).
             task: its instruction.
         """
-        from lerobot.datasets.compute_stats import compute_episode_stats
-
         length, episode, start = len(next(iter(columns.values()))), self.meta.total_episodes, self.meta.total_frames
         self.meta.save_episode_tasks([task])
         frame = np.arange(length)
@@ -67,7 +67,7 @@ class StateWriter:
         self._write(ordered, start, length)
         place = {"data/chunk_index": self._chunk, "data/file_index": self._file}
         place |= {"dataset_from_index": start, "dataset_to_index": start + length}
-        statistics = compute_episode_stats(dict(ordered), self.meta.features)
+        statistics = {name: _statistics(values) for name, values in ordered.items() if values.dtype.kind != "U"}
         self.meta.save_episode(episode, length, [task], statistics, place)
 
     def close(self) -> None:
@@ -109,3 +109,35 @@ def _array(values: np.ndarray, kind: pa.DataType) -> pa.Array:
         offsets = np.arange(len(values) + 1, dtype=np.int32) * values.shape[1]
         return pa.ListArray.from_arrays(offsets, pa.array(np.ascontiguousarray(values).ravel(), kind.value_type), kind)
     return pa.array(values, kind)
+
+
+def _statistics(values: np.ndarray) -> dict[str, np.ndarray]:
+    """Return what lerobot's ``get_feature_stats`` does of a feature (T,) or (T, D), without filling its histograms.
+
+    A quantile is interpolated in the one of 5,000 bins in which the value of its rank lies.
+    """
+    from lerobot.datasets.compute_stats import DEFAULT_QUANTILES, get_feature_stats
+
+    if len(values) < 2:
+        return get_feature_stats(values, axis=0, keepdims=values.ndim == 1)
+    batch = values.reshape(len(values), -1)
+    batch = batch.astype(np.result_type(batch.dtype, np.float32), copy=False)
+    mean, low, high = batch.mean(0), batch.min(0), batch.max(0)
+    found = {"min": low, "max": high, "mean": mean, "std": np.sqrt(np.maximum(0, (batch**2).mean(0) - mean**2))}
+    found["count"] = np.array([len(values)])
+    columns = list(np.sort(batch, axis=0).T)
+    edges = [np.linspace(*ends, BINS + 1) for ends in zip(low - 1e-10, high + 1e-10, strict=True)]
+    for q in DEFAULT_QUANTILES:
+        each = zip(columns, edges, strict=True)
+        found[f"q{int(q * 100):02d}"] = np.array([_quantile(*column, q * len(batch)) for column in each])
+    return found
+
+
+def _quantile(ordered: np.ndarray, edges: np.ndarray, target: float) -> float:
+    """Return the value below which ``target`` of the values (T,), in order, lie, as read off their histogram."""
+    place = min(int(np.searchsorted(edges, ordered[math.ceil(target) - 1], side="right")) - 1, BINS - 1)
+    if place <= 0:
+        return edges[0]
+    before = np.searchsorted(ordered, edges[place])
+    inside = np.searchsorted(ordered, edges[place + 1], side="right" if place == BINS - 1 else "left") - before
+    return edges[place] + (target - before) / inside * (edges[place + 1] - edges[place])

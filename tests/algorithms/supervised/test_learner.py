@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from aerial_il.algorithms.run.train_state import adamw, from_arrays, to_arrays
-from aerial_il.algorithms.supervised.optimisation import Ema, cosine
+from aerial_il.algorithms.supervised.learner import Ema, cosine
 
 
 def test_the_learning_rate_warms_up_peaks_and_ends_at_its_floor() -> None:

@@ -163,7 +163,7 @@ class Bag:
         """Attach a file."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
-    def tell(self, name: str, entries: Mapping[str, str]) -> None:
+    def add_metadata(self, name: str, entries: Mapping[str, str]) -> None:
         """Add metadata."""
         self._writer.add_metadata(name, dict(entries))
 
