@@ -13,6 +13,7 @@ import pytest
 
 import aerial_il
 from aerial_il.cli.main import main
+from tests.patience import HANG_S
 
 SCRIPT = Path(sys.executable).with_name("aerial-il")
 QUIET = "progress=false"
@@ -165,7 +166,7 @@ def test_a_training_that_is_stopped_continues(home: Path, tmp_path: Path, number
     while started.poll() is None and not (metrics.exists() and metrics.stat().st_size):
         time.sleep(0.02)
     started.send_signal(number)
-    started.communicate(timeout=60)
+    started.communicate(timeout=HANG_S)
     assert started.returncode == status
     assert not (tmp_path / "run" / "policy").exists()
     done = subprocess.run(words, capture_output=True, text=True, check=False)

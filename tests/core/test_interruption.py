@@ -16,6 +16,7 @@ from contextlib import contextmanager
 import pytest
 
 from aerial_il.core.interruption import answering, end, heard
+from tests.patience import HANG_S
 
 ROUNDS = 100
 
@@ -81,7 +82,7 @@ with heard():
 @pytest.mark.parametrize(("name", "status"), [("SIGTERM", 143), ("SIGINT", -signal.SIGINT)])
 def test_what_a_finaliser_ignores_is_said_again(name: str, status: int) -> None:
     code = FINALISER.format(name=name)
-    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=False)
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=HANG_S, check=False)
     assert ended.returncode == status, ended.stderr
     assert "ignored" not in ended.stderr
 

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.patience import HANG_S
+
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium or Chrome on this machine")
 OPTIONS = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars"]
@@ -31,4 +33,4 @@ def dom_after(page: Path, script: str) -> str:
 
 def _run(options: list[str]) -> str:
     assert BROWSER is not None
-    return subprocess.run([BROWSER, *options], check=True, capture_output=True, text=True, timeout=60).stdout
+    return subprocess.run([BROWSER, *options], check=True, capture_output=True, text=True, timeout=HANG_S).stdout

@@ -26,6 +26,7 @@ from aerial_il.suite.faces.gymnasium_vector import VectorEnvironment
 from aerial_il.suite.faces.options import SCENARIO, FaceOptions, Presentation, read_options
 from aerial_il.suite.scenario import Scenario
 from tests.contract.registered import CELLS, each_sample, levels, random_actions
+from tests.patience import HANG_S
 
 ROBOT, TASK = "ua_quad_arm4", "pick_place"
 ID = gymnasium_id(ROBOT, TASK)
@@ -85,7 +86,7 @@ def test_cameras_pass_the_checker_and_images_have_their_types() -> None:
     ],
 )
 def test_ids_are_there_in_either_order_and_importing_stays_light(program: str) -> None:
-    subprocess.run([sys.executable, "-c", program.format(id=ID)], check=True, timeout=120)
+    subprocess.run([sys.executable, "-c", program.format(id=ID)], check=True, timeout=HANG_S)
 
 
 def test_a_seed_is_the_episodes_and_the_next_ones_follow() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from aerial_il.presentation.rerun.chromium import BROWSER, Opener, Tab, browser
-from tests.teleop.patience import HANG_S
+from tests.patience import HANG_S
 
 Tab.patience_s = HANG_S  # a busy machine fails no test
 

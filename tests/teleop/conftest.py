@@ -8,7 +8,7 @@ import inspect
 import pytest
 
 from aerial_il.teleop.piloting import assist
-from tests.teleop.patience import HANG_S
+from tests.patience import HANG_S
 
 
 @pytest.hookimpl(tryfirst=True)

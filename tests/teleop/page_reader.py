@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from tests.patience import HANG_S
 from tests.teleop.chromium import Tab
-from tests.teleop.patience import HANG_S
 
 LOOK_S = 0.05  # between two looks at the page
 LAG_S = 0.35  # from a key to a vehicle that answers: what is nearer than it moves in this time is done by taps

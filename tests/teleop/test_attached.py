@@ -16,9 +16,9 @@ from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.replay import replay
 from aerial_il.teleop.piloting.pilot import check_leader
 from aerial_il.teleop.session.refly import refly
+from tests.patience import until
 from tests.teleop.flown import Flown, flown
 from tests.teleop.hands import shipped, world
-from tests.teleop.patience import until
 from tests.teleop.simulated import FakeArm, FakeMouse, buttons, simulated, translation
 
 pytestmark = pytest.mark.render

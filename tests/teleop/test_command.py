@@ -14,7 +14,7 @@ import pytest
 
 from aerial_il.cli.main import BAD_USAGE, main
 from aerial_il.workflows import teleop
-from tests.teleop.patience import HANG_S
+from tests.patience import HANG_S
 
 
 @pytest.mark.render

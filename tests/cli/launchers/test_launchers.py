@@ -19,6 +19,7 @@ import pytest
 
 from aerial_il.core import registry
 from aerial_il.evaluation.run_collection import read_runs
+from tests.patience import HANG_S
 
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=300", "policy.hidden=[16]", "seed=0,1"]
 WORDS += [
@@ -149,7 +150,7 @@ def test_a_job_whose_time_is_over_is_queued_again_and_goes_on(home: Path) -> Non
         time.sleep(0.1)
     number = json.loads((run / ".slurm" / "submitted.json").read_text())["job_id"]
     subprocess.run(["scancel", "--signal=USR2", number], check=True)
-    said = sweep.communicate(timeout=400)[0]
+    said = sweep.communicate(timeout=HANG_S)[0]
     assert sweep.returncode == 0, said
     told = subprocess.run(["scontrol", "show", "job", number], capture_output=True, text=True, check=True).stdout
     assert "Restarts=1" in told
@@ -168,7 +169,7 @@ def test_a_job_that_the_cluster_killed_does_not_stop_others(home: Path) -> None:
         assert sweep.poll() is None
         time.sleep(0.2)
     subprocess.run(["scancel", json.loads(told.read_text())["job_id"]], check=True)
-    said = sweep.communicate(timeout=300)[0]
+    said = sweep.communicate(timeout=HANG_S)[0]
     assert sweep.returncode == 1
     assert re.search(r"seed=0 +failed .*died", said), said
     assert re.search(r"seed=1 +finished", said), said

@@ -22,6 +22,7 @@ from aerial_il.cli.sweeps.job import Job
 from aerial_il.cli.sweeps.sweep import chosen_of
 from aerial_il.cli.words import LAUNCHER, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from tests.patience import HANG_S
 
 HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
 
@@ -80,7 +81,7 @@ def test_a_killed_sweep_leaves_no_job_and_is_continued(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "aerial_il", *words]
     sweep = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     folders = [tmp_path / "sweep" / f"seed={seed}" for seed in (0, 40)]
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + HANG_S
     while not all(len(list(folder.glob("demos/*.mcap"))) >= 2 for folder in folders):
         assert sweep.poll() is None
         assert time.monotonic() < deadline
@@ -120,7 +121,7 @@ def test_ctrl_c_stops_the_jobs_and_says_how_to_continue(tmp_path: Path) -> None:
         assert sweep.poll() is None
     time.sleep(0.5)
     sweep.send_signal(signal.SIGINT)
-    said = sweep.communicate(timeout=60)[1]
+    said = sweep.communicate(timeout=HANG_S)[1]
     assert sweep.returncode == 128 + signal.SIGINT
     assert f"Continue: aerial-il {' '.join(words)}" in said
     logs = [str(file) for file in tmp_path.glob("s/*/job.log")]
@@ -184,4 +185,4 @@ def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
         time.sleep(0.05)
     assert process.stdin is not None
     threading.Timer(0.1, process.stdin.close).start()  # as the kernel does for a killed process
-    assert process.wait(jobs_of.GRACE_S) != 0
+    assert process.wait(HANG_S) != 0

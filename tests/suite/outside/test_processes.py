@@ -21,6 +21,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.suite import outside
 from aerial_il.suite.outside.processes import SharedBatch, processes_for
+from tests.patience import HANG_S
 
 
 class Counting(dm_env.Environment):
@@ -166,7 +167,7 @@ def flying(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 def ended(pid: int) -> bool:
     """Wait until a process is gone, or has ended and nobody has asked how."""
-    for _ in range(300):
+    for _ in range(int(HANG_S / 0.05)):
         status = Path(f"/proc/{pid}/stat")
         if not status.exists() or status.read_text().rpartition(")")[2].split()[0] == "Z":
             return True
@@ -177,7 +178,7 @@ def ended(pid: int) -> bool:
 def test_a_signal_to_the_whole_group_is_answered_by_who_asks(flying: tuple[subprocess.Popen[str], int]) -> None:
     script, other = flying
     os.killpg(script.pid, signal.SIGTERM)
-    said, _ = script.communicate(timeout=60)
+    said, _ = script.communicate(timeout=HANG_S)
     assert (said, script.returncode) == ("went on and ended\n", 0)
     assert ended(other), "without a word to close it"
 
@@ -191,5 +192,5 @@ def test_a_process_does_not_outlive_who_asks(flying: tuple[subprocess.Popen[str]
 def test_a_script_without_its_guard_is_answers(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text("import aerial_il\naerial_il.load_gymnasium('Pendulum-v1', num_envs=2, processes=2)\n")
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=HANG_S, check=False)
     assert "InvalidValueError: A process that flies worlds has ended" in done.stderr

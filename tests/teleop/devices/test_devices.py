@@ -18,8 +18,8 @@ from aerial_il.teleop.input.frame import AXES, DeviceFrame, names_of
 from aerial_il.teleop.input.hardware import Attached, Reading
 from aerial_il.teleop.input.inbox import STALE_S, Inbox
 from aerial_il.teleop.input.mapping import COMMANDS
+from tests.patience import HANG_S, wait_until
 from tests.teleop.hands import shipped
-from tests.teleop.patience import HANG_S, wait_until
 from tests.teleop.simulated import SIMULATED, simulated
 
 NAMES = devices.names()

@@ -17,7 +17,7 @@ from aerial_il.teleop.devices.leader_arm import LIVE, LeaderArm, OpenArm, Servo,
 from aerial_il.teleop.input import serial_port
 from aerial_il.teleop.input.hardware import DeviceError, DeviceLostError, Reading
 from aerial_il.teleop.input.serial_port import SerialPort
-from tests.teleop.patience import HANG_S
+from tests.patience import HANG_S
 from tests.teleop.simulated import JOINTS, FakeArm
 
 PROTOCOLS = ("feetech", "dynamixel")

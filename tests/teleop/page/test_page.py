@@ -16,10 +16,10 @@ from aerial_il.data.replay import replay
 from aerial_il.teleop.session.refly import refly
 from aerial_il.teleop.web.visitors import MAX_UNSEEN
 from experiments.teleop.narrow import narrowed
+from tests.patience import until
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, browsed, flown
 from tests.teleop.hands import world
-from tests.teleop.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 UPRIGHT = (390, 844)

@@ -14,10 +14,10 @@ from aerial_il.data.recording.reader import read_episode
 from aerial_il.teleop.session.attempt import Attempt
 from aerial_il.teleop.web.controls import Controls
 from aerial_il.workflows.parts.sessions import summary
+from tests.patience import until
 from tests.teleop.chromium import Tab, needs_browser
 from tests.teleop.flown import READY, Flown, browsed
 from tests.teleop.page.test_page import hold_until, in_state, went
-from tests.teleop.patience import until
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 TITLE = "document.getElementById('coach-title').textContent"

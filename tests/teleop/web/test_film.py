@@ -17,8 +17,8 @@ from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.loop import state_of
 from aerial_il.teleop.web.film import Film, Shot
+from tests.patience import HANG_S
 from tests.teleop.hands import schedule, shipped, world
-from tests.teleop.patience import HANG_S
 
 CELLS = dict(reversed(aerial_il.list_cells()))
 LEVELS = ("ee_pose", "velocity")

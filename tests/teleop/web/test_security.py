@@ -18,9 +18,9 @@ from aerial_il.teleop.web import guard
 from aerial_il.teleop.web.guard import MAX_CONNECTIONS
 from aerial_il.teleop.web.server import MAX_DROPPED, MAX_VISITORS, Server
 from aerial_il.teleop.web.tls import fresh_certificate, own_certificate
+from tests.patience import until as until_true
 from tests.teleop.flown import flown
 from tests.teleop.hands import shipped
-from tests.teleop.patience import until as until_true
 from tests.teleop.web.test_server import an_input, heard, hold, socket, until
 
 pytestmark = pytest.mark.render

@@ -16,8 +16,8 @@ from aerial_il.teleop.session.session import State
 from aerial_il.teleop.web import messages
 from aerial_il.teleop.web.messages import BURST, Bucket, MessageError, read_message
 from aerial_il.teleop.web.server import PortTakenError
+from tests.patience import until as until_true
 from tests.teleop.flown import Flown, flown
-from tests.teleop.patience import until as until_true
 
 pytestmark = pytest.mark.render
 

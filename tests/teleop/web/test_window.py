@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from aerial_il.teleop.web.window import NoWindowError, open_window, window_program
+from tests.patience import until
 from tests.teleop.chromium import needs_browser
 from tests.teleop.flown import flown
-from tests.teleop.patience import until
 
 
 def test_without_a_browser_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
