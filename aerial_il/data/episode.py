@@ -69,6 +69,12 @@ class Episode:
         return float(self.rewards.sum())
 
     @property
+    def is_terminal(self) -> bool:
+        """Whether nothing can follow it: the environment ended it, or success did; not time, nor the end of a file."""
+        solved = self.success and not self.truncated[-1] and not self.spec.is_foreign
+        return bool(self.terminated[-1] or solved)
+
+    @property
     def asked(self) -> np.ndarray:
         """(T,) bool, the steps in which the expert was asked."""
         return np.asarray(~np.isnan(self.expert_actions).any(axis=1))

@@ -52,8 +52,8 @@ def read_demos(
     Whatever nothing should learn from is refused.
 
     Raises:
-        InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
-            policy's chunk, a value is not finite, or the images do not fit into memory.
+        InvalidValueError: there is no success, episodes come from different environments, a value is not finite, or
+            the images do not fit into memory.
         UnknownNameError: the episodes lack an observation field.
     """
     demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
@@ -63,7 +63,7 @@ def read_demos(
     demos = unite(demos)
     layout = Layout.of(demos[0].spec, policy)
     for episode in demos:
-        _check(episode, layout, policy.chunk)
+        _check(episode, layout)
     return layout, demos
 
 
@@ -83,11 +83,9 @@ def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterat
         yield episode
 
 
-def _check(episode: Episode, layout: Layout, chunk: int) -> None:
+def _check(episode: Episode, layout: Layout) -> None:
     if differing := layout.spec.differences(episode.spec):
         raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
-    if len(episode) < chunk:
-        raise InvalidValueError(f"Episode {episode.uid} has {len(episode)} steps; chunk={chunk} must not be longer.")
     try:
         layout.flatten(episode.obs)
     except NonFiniteActionError as error:

@@ -11,9 +11,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from aerial_il.core.bounded import MAX_UNPACKED_BYTES
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.parts.hdf5 import array, holds, opened, require_size, rows
+from aerial_il.data.formats.parts.hdf5 import holds, later, opened
 from aerial_il.data.formats.parts.transitions import KNOWN, source_of
 from aerial_il.data.formats.parts.whole import replacing
 from aerial_il.data.source import Source, Wanted
@@ -28,9 +27,7 @@ def recognises(path: Path) -> bool:
 
 def read(path: Path, wanted: Wanted) -> Source:
     with opened(path, "cannot be read as HDF5") as file:
-        known = [name for name in KNOWN if name in file]
-        require_size(path, file, [rows(path, file, name) for name in known], MAX_UNPACKED_BYTES)
-        return source_of(path, {name: array(path, file, name) for name in known})
+        return source_of(path, {name: later(path, file, name) for name in KNOWN if name in file})
 
 
 def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
