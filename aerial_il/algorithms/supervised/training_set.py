@@ -155,7 +155,7 @@ def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> I
     obs, actions, is_pad = windows[np.arange(len(windows))]
     frames = layout.relate(obs[:, -1])
     targets = to_offsets(layout, actions, obs)[~is_pad]
-    action = Normaliser.fit(targets, policy.action_scaling)
+    action = Normaliser.fit(targets, policy.action_scaling, reach=layout.spec.action.reach)
     return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
 
 

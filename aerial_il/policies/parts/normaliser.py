@@ -11,7 +11,13 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 
 Scaling = Literal["standard", "minmax"]
-MIN_SCALE = 1e-3  # smaller spreads, in the data's own units, are noise around a constant: dividing by them amplifies it
+HARDLY = 1e-3  # of its size: what varies by no more is noise around a constant, and dividing by that would amplify it
+ROUNDING = 1e-14  # of the largest size: what varies by no more is an error of rounding
+
+
+def hardly_varies(spread: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return which elements are as good as constant (D,) bool, by their spread and size (D,) in whatever unit."""
+    return spread <= np.maximum(HARDLY * size, ROUNDING * size.max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +27,7 @@ class Normaliser:
     Attributes:
         centre: (D,) float32.
         scale: (D,) float32, positive.
-        constant: (D,) bool, elements that hardly varied and have kept their own units; None where all varied.
+        constant: (D,) bool, elements that hardly varied; None where all varied.
     """
 
     centre: np.ndarray
@@ -48,15 +54,17 @@ class Normaliser:
         return bool((self.centre == 0).all() and (self.scale == 1).all())
 
     @staticmethod
-    def fit(data: np.ndarray, scaling: Scaling = "standard") -> Normaliser:
-        """Fit to ``data`` (N, D).
+    def fit(data: np.ndarray, scaling: Scaling = "standard", *, reach: np.ndarray | None = None) -> Normaliser:
+        """Fit to ``data`` (N, D), whatever unit each element has.
 
         Args:
-            data: samples in SI units.
+            data: samples.
             scaling: ``standard`` gives mean 0 and deviation 1, ``minmax`` the interval [-1, 1].
+            reach: (D,) how far elements could vary, where that is bounded; infinite where it is not.
 
         Returns:
-            The normaliser; elements that hardly vary are centred and otherwise left in their own units.
+            The normaliser; elements that hardly vary are centred and otherwise left in their own units if they are
+            small, and divided by their size if that is above 1.
         """
         if data.ndim != 2 or len(data) == 0:
             raise InvalidValueError(f"Normalisation needs samples (N, D) with N > 0, got shape {data.shape}.")
@@ -68,8 +76,11 @@ class Normaliser:
         else:
             low, high = data.min(0), data.max(0)
             centre, scale = (high + low) / 2, (high - low) / 2
-        constant = scale < MIN_SCALE
-        scale = np.where(constant, 1.0, scale)
+        size = np.abs(data).max(0)
+        constant = hardly_varies(
+            scale, size if reach is None else np.where(np.isfinite(reach), np.maximum(size, reach), size)
+        )
+        scale = np.where(constant, np.maximum(size, 1.0), scale)
         return Normaliser(centre.astype(np.float32), scale.astype(np.float32), constant)
 
     def normalise(self, x: np.ndarray) -> np.ndarray:
