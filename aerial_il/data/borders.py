@@ -40,6 +40,17 @@ def cuts(raw: Raw, period_s: float | None, *, borders: bool) -> dict[int, str]:
     return found
 
 
+def oddities(raw: Raw, *, borders: bool) -> Iterator[str]:
+    """Yield in words where a demonstration contradicts itself, although it can be used."""
+    ends = ends_of(raw)
+    if borders and raw.done is not None:
+        done = np.asarray(raw.done).reshape(-1) != 0
+        if (again := np.flatnonzero(done[:-1] & ~done[1:])).size:
+            yield f"is done at step {again[0]}, and not at the next."
+    if not borders and raw.next_obs and (on := np.flatnonzero(ends[:-1] & ~_broken(raw))).size:
+        yield f"goes on after {on.size} of its ends, first at step {on[0]}: what was seen next is what is seen then."
+
+
 def ends_of(raw: Raw) -> np.ndarray:
     """(T,) bool: the steps that a file says to end an episode, for whatever reason."""
     ends = np.zeros(len(raw.actions), bool)

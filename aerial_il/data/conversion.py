@@ -102,7 +102,8 @@ def episode(gate: Gate, raw: Raw, wanted: Wanted, agreed: Agreed, *, note: str) 
         gate.refuse(f"lacks {', '.join(missing)}.", got=sorted(raw.obs))
     kinds = {n: k for n, k in agreed.kinds.items() if n in raw.obs and (k.group != "image" or wanted.sees(n))}
     obs = {name: _observed(gate, raw, name, kind) for name, kind in kinds.items()}
-    raw = replace(_answered(raw, wanted), obs=obs, states=raw.states if spec.state_size else None)
+    raw = replace(raw if agreed.declared else _answered(raw, wanted), obs=obs)
+    raw = replace(raw, states=raw.states if spec.state_size else None)
     made = episode_of(gate.uid, raw, spec, note=note, success=not agreed.judged)
     require_whole(gate, made)
     return made
@@ -140,8 +141,11 @@ def _observed(gate: Gate, raw: Raw, name: str, kind: Kind) -> np.ndarray:
 def _answered(raw: Raw, wanted: Wanted) -> Raw:
     """Return a demonstration with its end and its success as they were asked for, or as its format means them."""
     over, done = (flags is not None and bool(np.ravel(flags)[-1]) for flags in (raw.terminated, raw.done))
+    unsaid = raw.terminated is raw.truncated is raw.done is None
     success, rewards = raw.success, np.zeros(1) if raw.rewards is None else np.ravel(raw.rewards).astype(float)
-    over = (over or (done and bool(success or wanted.terminals))) and wanted.terminals is not False
+    over = (
+        over or (done and bool(success)) if wanted.terminals is None else wanted.terminals and (over or done or unsaid)
+    )
     if wanted.least_return is not None:
         success = bool(rewards.sum() >= wanted.least_return)
     elif wanted.success is not None:

@@ -10,12 +10,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
 
+from aerial_il.core.computer import MEMORY_MB
 from aerial_il.core.errors import DemoError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats import find
 from aerial_il.data.provenance import made_by
-from aerial_il.data.source import MEMORY_MB, Cameras, Source, Wanted
+from aerial_il.data.source import Cameras, Source, Wanted
 from aerial_il.data.survey import Loader, Survey, surveyed
 
 log = logging.getLogger(__name__)
@@ -127,6 +128,12 @@ class Dataset:
                 yield uid, error
             else:
                 yield uid, None
+
+    def notes(self) -> Iterator[str]:
+        """Yield what is odd about episodes or was mended, and what is taken for granted as no file says it."""
+        for uid, notes in self.survey.notes.items():
+            yield from (f"{self.path}: {uid} {note}" for note in notes)
+        yield from (f"{self.path}: taken for granted: {each}." for each in self.survey.assumed)
 
 
 def open_dataset(

@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from aerial_il.core.computer import MEMORY_MB
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import UNKNOWN, EnvSpec, Group
 from aerial_il.data.episode import Episode
 
 Cameras = bool | Sequence[str]
 SUCCESSES = ("all", "reward", "return:R", "terminal", "survived")
-MEGABYTE, MEMORY_MB = 1 << 20, 2000  # of one episode, unless more is asked for
+MEGABYTE = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +56,11 @@ class Wanted:
             return float(least) if name == "return" else None
         except ValueError:
             return None
+
+    @property
+    def answered(self) -> str:
+        """The keys that answer what a recording of ours says itself."""
+        return ", ".join(f"{n}=" for n in ("success", "control_dt", "terminals") if getattr(self, n) is not None)
 
     def sees(self, image: str) -> bool:
         """Whether an image field is to be read."""

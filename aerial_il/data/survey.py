@@ -20,8 +20,8 @@ import numpy as np
 
 from aerial_il.core.errors import DemoError, InvalidValueError, UnknownNameError
 from aerial_il.core.specs import NO_CONTROLLER, UNKNOWN, ActionSpec, EnvSpec, Field, ObservationSpec
-from aerial_il.data.borders import cuts, ends_of, piece
-from aerial_il.data.check import Gate, require_whole
+from aerial_il.data.borders import cuts, ends_of, oddities, piece
+from aerial_il.data.check import SERIES, Gate, require_whole
 from aerial_il.data.conversion import Agreed, episode, taken
 from aerial_il.data.episode import Episode
 from aerial_il.data.pictures import Kind
@@ -72,7 +72,7 @@ class Mark:
         read: returns what it is a part of, steps ``first`` to before ``last``.
         fields: what each field holds. low, high: (Da,) of its actions. states: width of the simulator's.
         sizes: how large the numbers of each field are. judged: whether it is marked as a success or a failure.
-        done: whether it has an end of which the format does not say what it means.
+        said: what else its file holds: rewards, ends, times. open: whether it may have gone on after its end.
     """
 
     read: Callable[[], Raw]
@@ -84,7 +84,8 @@ class Mark:
     states: int
     sizes: dict[str, float]
     judged: bool
-    done: bool
+    said: frozenset[str]
+    open: bool
 
     @staticmethod
     def of(source: Source, raw: Raw, read: Callable[[], Raw], first: int, last: int) -> Mark:
@@ -101,7 +102,9 @@ class Mark:
             states=0 if raw.states is None else int(np.prod(raw.states.shape[1:])),
             sizes={n: float(np.median(np.abs(v.reshape(len(v), -1)).max(1, initial=0))) for n, v in numbers.items()},
             judged=raw.success is not None,
-            done=raw.done is not None and bool(ends_of(raw).any()),
+            said=frozenset(name for name in (*SERIES, "states") if getattr(raw, name) is not None)
+            | {f"next {name}" for name in raw.next_obs},
+            open=not ends_of(replace(raw, done=raw.done if raw.success else None))[-1],
         )
 
 
@@ -113,6 +116,8 @@ def surveyed(source: Source, wanted: Wanted) -> Survey:
         InvalidValueError, UnknownNameError: there is no camera or part of the dataset of that name.
     """
     source, survey = _filtered(source, wanted), Survey(strict=wanted.strict)
+    if wanted.answered and (source.recorded or source.spec):
+        raise InvalidValueError(f"{source.path} was recorded here and says it itself: leave out {wanted.answered}.")
     for uid, read in source.recorded.items():
         survey.loaders[uid] = partial(_recorded, source.files.get(uid), source.path, uid, read)
     if source.spec is not None:
@@ -158,8 +163,8 @@ def _survey(source: Source, wanted: Wanted, survey: Survey) -> None:
     spec = _spec(source, kinds, [*marks.values()], period_s)
     _check_cameras(spec, wanted)
     agreed = Agreed(spec, kinds, period_s, judged=any(mark.judged for mark in marks.values()))
-    survey.assumed += _unsaid(source, wanted, agreed, marks.values())
-    _compare_sizes(survey, marks)
+    survey.assumed += _unsaid(source, wanted, agreed, [*marks.values()])
+    _compare(survey, marks)
     for uid, mark in marks.items():
         survey.loaders[uid] = partial(_load, source, wanted, agreed, uid, mark.read, mark.first, mark.last)
 
@@ -171,6 +176,8 @@ def _marked(
     raw, moved = taken(Gate(source.path, uid), read(), wanted)
     if moved is not None:
         survey.note(uid, f"has rows out of order, first at step {moved}; they are put in order by their frame_index.")
+    for odd in oddities(raw, borders=source.borders):
+        survey.note(uid, odd)
     found, marks = cuts(raw, period_s, borders=source.borders), dict[str, Mark]()
     if source.borders and found:
         survey.note(uid, f"is cut at {len(found)} of its steps, first at step {min(found)}: {found[min(found)]}.")
@@ -182,6 +189,8 @@ def _marked(
             part = piece(raw, first, last)
             Gate(source.path, name).require_usable(part, period_s)
             marks[name] = Mark.of(source, part, held, first, last)
+    if alone := sum(mark.last - mark.first == 1 for mark in marks.values() if not source.borders):
+        survey.note(uid, f"has {alone} transitions of {len(raw.actions)} that no other one comes before or after.")
     return marks
 
 
@@ -221,8 +230,12 @@ def _require_alike(gate: Gate, mark: Mark, actions: tuple[int, ...], kinds: Mapp
             gate.refuse(problem.format(name, "type"), expected=kind.dtype, got=found.dtype)
 
 
-def _compare_sizes(survey: Survey, marks: Mapping[str, Mark]) -> None:
-    """Note demonstrations whose numbers are of another order than those of the others: units may differ."""
+def _compare(survey: Survey, marks: Mapping[str, Mark]) -> None:
+    """Note demonstrations that lack what others have, or whose numbers are of another order: units may differ."""
+    every = frozenset().union(*(mark.said for mark in marks.values()))
+    for uid, mark in marks.items():
+        if lacking := sorted(every - mark.said):
+            survey.note(uid, f"lacks {', '.join(lacking)}, which others have.")
     for name in {name for mark in marks.values() for name in mark.sizes} if len(marks) > 1 else ():
         sizes = {uid: mark.sizes[name] for uid, mark in marks.items() if mark.sizes.get(name)}
         middle = float(np.median([*sizes.values()])) if len(sizes) > 2 else min(sizes.values(), default=0.0)
@@ -232,14 +245,16 @@ def _compare_sizes(survey: Survey, marks: Mapping[str, Mark]) -> None:
                 survey.note(uid, f"has {name} {times} as large as others: is it told in another unit?")
 
 
-def _unsaid(source: Source, wanted: Wanted, agreed: Agreed, marks: Iterable[Mark]) -> Iterator[str]:
+def _unsaid(source: Source, wanted: Wanted, agreed: Agreed, marks: Sequence[Mark]) -> Iterator[str]:
     """Yield what is taken for granted because neither the file nor an answer says it."""
     if agreed.period_s is None:
         yield "a control period of 1 s, as none is said (control_dt=S)"
     if not agreed.judged and wanted.success is None:
         yield "all demonstrations as successes, as none is said to be (success=reward, return:R, terminal, ...)"
-    if any(mark.done for mark in marks) and wanted.terminals is None:
-        yield "ends as open, as what done means is not said (terminals=true where they are terminal states)"
+    if not any("rewards" in mark.said for mark in marks):
+        yield "rewards of zero, as none is said"
+    if (count := sum(mark.open for mark in marks)) and wanted.terminals is None:
+        yield f"{count} ends as open, as it is not said that they are terminal (terminals=true where they are)"
     if source.filters and wanted.filter_key is None:
         yield f"all episodes, although it names parts of them (filter_key={', '.join(sorted(source.filters))})"
 

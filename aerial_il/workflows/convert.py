@@ -8,6 +8,7 @@ from pathlib import Path
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.workflows.parts.reading import Reading
 
 VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
 FIRST = ("lerobot", "robomimic")  # of several formats of an ending
@@ -21,7 +22,7 @@ def forms() -> dict[str, tuple[tuple[str, ...], str]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Convert:
+class Convert(Reading):
     """What is converted, and into what.
 
     Attributes:
@@ -71,12 +72,11 @@ def convert(settings: Convert) -> Path:
 
 def _to_format(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.suite.faces.gymnasium_ids import known_spec
 
     out, form = _own_place(settings), registry.module("format", settings.form)
     names = [] if not getattr(form, "PICTURES", True) else settings.images
-    dataset = open_dataset(settings.path, cameras=names)
+    dataset = settings.open(settings.path, cameras=names)
     spec = dataset.spec
     recorded = [field.name for field in spec.observation.of_group("image")]
     for name in names if isinstance(names, list) else ():
@@ -99,11 +99,10 @@ def _to_rerun(settings: Convert) -> Path:
 
 def _to_views(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    out, dataset = _own_place(settings), open_dataset(settings.path, cameras=settings.images)
+    out, dataset = _own_place(settings), settings.open(settings.path, cameras=settings.images)
     alone = out.suffix == ".mcap"
     if alone and len(dataset) > 1:
         folder = out.with_suffix("")

@@ -47,6 +47,8 @@ class RunningNorm(nn.Module):
         self.register_buffer("count", torch.zeros(()))
 
     count: Tensor
+    mean: Tensor
+    square: Tensor
 
     @torch.no_grad()
     def add(self, inputs: Tensor) -> None:

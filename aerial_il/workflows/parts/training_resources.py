@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
+
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
@@ -36,6 +38,7 @@ def training_resources(
     num_envs: int | None,
     threads: int,
     port: int = 8642,
+    reading: Reading = AS_IT_SAYS,
 ) -> Iterator[dict[str, Any]]:
     """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
 
@@ -50,6 +53,7 @@ def training_resources(
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of external environments; 0 for all cores.
         port: of a person's page.
+        reading: answers to what the format of the dataset does not say.
 
     Raises:
         UnknownNameError: the task has no expert.
@@ -65,7 +69,8 @@ def training_resources(
 
     by_hand = expert in OPERATORS
     scripted = "expert" in needs and not by_hand
-    where, asked = _place(dataset, reference, images, expert, scripted=scripted)
+    spec = None if dataset is None else reading.open(dataset, states=False).spec
+    where, asked = _place(spec, reference, images, expert, scripted=scripted)
     worlds = 1 if by_hand else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
     if forfeits_by_success(algorithm) and env.ends_at_success:
@@ -79,7 +84,7 @@ def training_resources(
 
 
 def _place(
-    dataset: str | None,
+    spec: EnvSpec | None,
     reference: EnvironmentReference | None,
     images: tuple[str, ...],
     expert: str | None,
@@ -87,12 +92,11 @@ def _place(
     scripted: bool,
 ) -> tuple[EnvironmentReference, Policy | None]:
     """Return where to fly, and the expert of that place where one is asked that is no person."""
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
 
-    if dataset is None:
+    if spec is None:
         return reference or EnvironmentReference(), None
-    spec, typed = open_dataset(dataset).spec, reference.env if reference else None
+    typed = reference.env if reference else None
     asked = _expert(spec, expert, typed) if scripted else None
     return reference_of(spec, images=images, typed=typed), asked
 

@@ -39,7 +39,7 @@ def robomimic(path: Path, *demos: Mapping[str, Any], masks: Mapping[str, Sequenc
         data.attrs["env_args"] = json.dumps({"env_name": "Lift", "type": 1, "env_kwargs": {"control_freq": 20}})
         for i, made in enumerate(demos):
             group = data.create_group(f"demo_{i}")
-            group.attrs["num_samples"] = len(made["actions"])
+            group.attrs["num_samples"] = len(made.get("actions", ()))
             for name, values in made.items():
                 inner = values.items() if isinstance(values, Mapping) else [(None, values)]
                 for key, array in inner:
@@ -54,7 +54,7 @@ def minari(path: Path, *episodes: Mapping[str, Any]) -> Path:
     with h5py.File(path / "data/main_data.hdf5", "w") as file:
         for number, made in enumerate(episodes):
             group = file.create_group(f"episode_{number}")
-            group.attrs["total_steps"] = len(made["actions"])
+            group.attrs["total_steps"] = len(made.get("actions", ()))
             for name, values in made.items():
                 group[name] = values
     (path / "data/metadata.json").write_text(json.dumps({"data_format": "hdf5"}))
@@ -79,12 +79,15 @@ def lerobot(
     times: Callable[[np.ndarray], np.ndarray] | None = None,
     change: Callable[[dict[str, Any]], None] | None = None,
     info: Mapping[str, Any] | None = None,
+    cameras: Mapping[str, tuple[int, int]] | None = None,
+    video_rate: int = RATE,
 ) -> Path:
-    """Write a LeRobot v3 folder without videos: state = (100 e + t, 1), action = 100 e + t + .5.
+    """Write a LeRobot v3 folder: state = (100 e + t, 1), action = 100 e + t + .5; grey pictures that tell the time.
 
     Args:
         extra: feature -> its type, shape, and (frame, length) -> its rows. rows: the order in which they are written.
         times: of the time stamps. change: of the columns. info: further keys of ``info.json``.
+        cameras: name -> height and width of a video; their pictures come ``video_rate`` times a second.
     """
     episode = np.repeat(np.arange(len(lengths)), lengths)
     frame = np.concatenate([np.arange(n) for n in lengths])
@@ -113,16 +116,43 @@ def lerobot(
     places = {"data/chunk_index": zeros, "data/file_index": zeros}
     told = {"episode_index": [*range(len(lengths))], "length": [*lengths], "tasks": [["move"]] * len(lengths), **places}
     told |= {"dataset_from_index": (ends - lengths).tolist(), "dataset_to_index": ends.tolist()}
-    pq.write_table(pa.table(told), path / "meta/episodes/chunk-000/file-000.parquet")
     pq.write_table(pa.table({"task_index": [0], "task": ["move"]}), path / "meta/tasks.parquet")
+    video_path = None
+    for name, size in (cameras or {}).items():
+        video_path = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"
+        key, rate = f"observation.images.{name}", (info or {}).get("fps", RATE)
+        features[key] = ("video", [*size, 3])
+        film(path / video_path.format(video_key=key, chunk_index=0, file_index=0), len(frame) / rate, size, video_rate)
+        told |= {f"videos/{key}/chunk_index": zeros, f"videos/{key}/file_index": zeros}
+        told |= {f"videos/{key}/from_timestamp": ((ends - lengths) / rate).tolist()}
+    pq.write_table(pa.table(told), path / "meta/episodes/chunk-000/file-000.parquet")
     described = {name: {"dtype": kind, "shape": shape, "names": None} for name, (kind, shape) in features.items()}
     written = {
         "codebase_version": "v3.0", "robot_type": "arm", "fps": RATE, "total_episodes": len(lengths),
-        "total_frames": len(frame), "splits": {"train": f"0:{len(lengths)}"}, "features": described, "video_path": None,
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
+        "total_frames": len(frame), "splits": {"train": f"0:{len(lengths)}"}, "features": described,
+        "video_path": video_path, "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
     }  # fmt: skip
     (path / "meta/info.json").write_text(json.dumps({**written, **(info or {})}))
     return path
+
+
+def film(path: Path, seconds: float, size: tuple[int, int], rate: int) -> None:
+    """Write a video whose pictures are as grey as :func:`grey` says of their time."""
+    import av
+
+    path.parent.mkdir(parents=True)
+    with av.open(str(path), "w") as video:
+        stream = video.add_stream("libx264", rate=rate, options={"crf": "10", "preset": "ultrafast"})
+        stream.height, stream.width = size
+        for number in range(round(seconds * rate)):
+            shown = np.full((*size, 3), grey(number / rate), np.uint8)
+            video.mux(stream.encode(av.VideoFrame.from_ndarray(shown, format="rgb24")))
+        video.mux(stream.encode())
+
+
+def grey(time_s: float) -> int:
+    """Return how grey a picture is that was taken at a time of the video."""
+    return 20 + round(120 * time_s) % 200
 
 
 def pair(episodes: int, steps: int) -> dict[str, np.ndarray]:

@@ -15,7 +15,7 @@ from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.core.errors import DemoError, InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.policies.mlp import MLP
-from tests.data.formats.recorded import buffered, demo, last, lerobot, minari, pair, robomimic
+from tests.data.formats.recorded import buffered, demo, grey, last, lerobot, minari, pair, robomimic
 
 
 @pytest.fixture(autouse=True)
@@ -275,3 +275,22 @@ def test_an_episode_shorter_than_the_chunk_trains(tmp_path: Path) -> None:
     settings = BC(steps=2, warmup_steps=1, validation=0.0)
     policy = settings.train(dataset, MLP(hidden=(8,), chunk=20), run=tmp_path / "run", progress=False)
     assert policy.config.chunk == 20
+
+
+def test_pictures_follow_their_time_stamps(tmp_path: Path) -> None:
+    """15 rows a second beside a video of 30 pictures a second; and rows that are not in order."""
+    slow = {"info": {"fps": 15}, "times": lambda t: 2 * t, "cameras": {"top": (48, 64)}}
+    for name, rows in {"straight": None, "mixed": [0, 3, 2, 1, 4, 5, 6, 7, 8]}.items():
+        dataset = open_dataset(lerobot(tmp_path / name, [5, 4], rows=rows, **slow), cameras=True)
+        for first, episode in zip((0.0, 5 / 15), dataset, strict=True):
+            wanted = [grey(first + step / 15) for step in range(len(episode))]
+            np.testing.assert_allclose(episode.obs["top_rgb"][:-1].mean((1, 2, 3)), wanted, atol=2.5)
+
+
+def test_sixteen_seconds_of_a_robot_s_camera_fit(tmp_path: Path) -> None:
+    path = lerobot(tmp_path / "long", [480], cameras={"top": (480, 640)})
+    shape = open_dataset(path, cameras=["top_rgb"])[0].obs["top_rgb"].shape
+    assert shape == (481, 480, 640, 3)
+    with pytest.raises(DemoError, match=r"too much memory\. expected at most 100 MB, got 42\d MB\..*memory_mb=N"):
+        open_dataset(path, cameras=True, memory_mb=100)
+    assert len(open_dataset(path, memory_mb=100)[0]) == 480, "what does not look at them needs no room for them"

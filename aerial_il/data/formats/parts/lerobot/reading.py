@@ -6,6 +6,7 @@ lerobot answers an incomplete dataset by asking the network for it, so completen
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -120,6 +121,7 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
     )
     if ACTION not in features or (spec is None and STATE not in features):
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
+    shapes = {name: tuple(map(int, features[name]["shape"])) for name in (*vectors, ACTION) if name in features}
     columns = [name for name in (*vectors, *SERIES, "episode_index", ACTION, UID) if name in features]
     table = _by_episode(pa.concat_tables([_read_table(file, columns) for file in _parquets(path, "data")]))
     index = table["episode_index"].to_numpy()
@@ -132,7 +134,7 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
         origin, uid = origins.get(uid, {}), distinct(raw, uid)
         row = _row(told, number)
         pictures = {f.name: _pictures(path, info, row, number, rows, f) for f in camera_fields(features)}
-        raw[uid] = partial(_raw, path, rows, spec, origin, pictures, tuple(vectors), row.get("length"))
+        raw[uid] = partial(_raw, path, rows, spec, origin, pictures, shapes, row.get("length"))
         for name in (name for name, part in splits.items() if number in part):
             filters.setdefault(name, []).append(uid)
     return Source(
@@ -240,20 +242,21 @@ def _raw(
     spec: EnvSpec | None,
     origin: Mapping[str, Any],
     pictures: Mapping[str, Later],
-    vectors: Sequence[str],
+    shapes: Mapping[str, tuple[int, ...]],
     length: int | None,
 ) -> Raw:
     with _typed(path):
         obs: dict[str, Rows] = {
             name: clip for name, clip in pictures.items() if spec is None or name in spec.observation.names
         }
-        numbers = {name: _matrix(path, rows, name) for name in vectors if name in rows.column_names}
-        obs |= numbers if spec is None else _fields(path, spec, numbers)
+        numbers = {name: _vectors(path, rows, name, shape) for name, shape in shapes.items()}
+        actions = numbers.pop(ACTION)
+        obs |= numbers if spec is None else _fields(spec, numbers)
         held = {name: rows[column].to_numpy() for column, name in SERIES.items() if column in rows.column_names}
         success, done = held.pop("success", None), held.pop("done", None)  # of ours, done is the last row and no more
         return Raw(
             obs=obs,
-            actions=_matrix(path, rows, ACTION),
+            actions=actions,
             success=origin.get("success", True if spec else None) if success is None else bool(success[-1]),
             done=done if spec is None else None,
             steps=length,
@@ -262,13 +265,11 @@ def _raw(
         )
 
 
-def _fields(path: Path, spec: EnvSpec, vectors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _fields(spec: EnvSpec, vectors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Return the fields of a specification that its vectors hold one after the other."""
     obs = {}
     for column, group in GROUPS.items():
         fields, end = spec.observation.of_group(group), 0
-        if fields and (width := sum(f.size for f in fields)) != vectors[column].shape[1]:
-            raise DemoError(path, "has a column of another width.", field=column, expected=width)
         for field in fields:
             start, end = end, end + field.size
             obs[field.name] = vectors[column][:, start:end].reshape(-1, *field.shape)
@@ -289,15 +290,16 @@ def _read_table(file: Path, columns: Sequence[str]) -> pa.Table:
         raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
 
 
-def _matrix(path: Path, rows: pa.Table, column: str) -> np.ndarray:
-    """Return a column of vectors as (T, D) float64, exact."""
-    flat = rows[column].combine_chunks()
+def _vectors(path: Path, rows: pa.Table, column: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Return a column of vectors as (T, *shape) float64, exact."""
+    flat, widths = rows[column].combine_chunks(), {math.prod(shape)}
     while pa.types.is_nested(flat.type):
+        widths = {*flat.value_lengths().to_pylist()} if pa.types.is_list(flat.type) and len(shape) == 1 else widths
         flat = flat.flatten()
     values = np.asarray(flat, float)
-    if len(rows) == 0 or values.size % len(rows):
-        raise DemoError(path, "has vectors of different widths.", field=column)
-    return values.reshape(len(rows), -1)
+    if widths != {math.prod(shape)} or values.size != len(rows) * math.prod(shape):
+        raise DemoError(path, "has a column of another width.", field=column, expected=math.prod(shape), got=widths)
+    return values.reshape(len(rows), *shape)
 
 
 def _recorded_spec(path: Path, provenance: Mapping[str, Any]) -> EnvSpec | None:
