@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -59,6 +59,12 @@ class Episode:
     def __len__(self) -> int:
         """Return the number of control steps T."""
         return len(self.actions)
+
+    @property
+    def nbytes(self) -> int:
+        """How much memory its arrays take."""
+        held = [getattr(self, each.name) for each in fields(self)]
+        return sum(each.nbytes for each in (*held, *self.obs.values()) if isinstance(each, np.ndarray))
 
     @property
     def seed(self) -> int:

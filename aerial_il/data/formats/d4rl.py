@@ -14,7 +14,7 @@ import numpy as np
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.hdf5 import holds, later, opened
 from aerial_il.data.formats.parts.transitions import KNOWN, source_of
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Source, Wanted
 
 ENDINGS, OWN_NAME = (".hdf5", ".h5"), "d4rl.hdf5"
@@ -38,7 +38,9 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     episodes = list(episodes)
     observed = episodes[0].spec.observation
     with replacing(out) as temporary, h5py.File(temporary, "w") as file:
-        for name, values in _columns(episodes, observed.state_names).items():
+        columns = _columns(episodes, observed.state_names)
+        require_room(temporary, sum(values.nbytes for values in columns.values()))
+        for name, values in columns.items():
             file[name] = values
         file["metadata/fields"] = " ".join(f"{name}:{observed[name].size}" for name in observed.state_names)
     return out

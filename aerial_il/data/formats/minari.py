@@ -28,7 +28,7 @@ from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.hdf5 import FAULTS, child, later, numbered, opened
 from aerial_il.data.formats.parts.transitions import FIELD
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 ENDINGS, OWN_NAME = ("",), "minari/flights-v0"
@@ -75,7 +75,10 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     with replacing(out) as temporary:
         (temporary / FILE).parent.mkdir(parents=True)
         with h5py.File(temporary / FILE, "w", track_order=True) as file:
-            lengths = [_write(file, number, episode) for number, episode in enumerate(chain([first], episodes))]
+            lengths = []
+            for number, episode in enumerate(chain([first], episodes)):
+                require_room(temporary, 2 * episode.nbytes)
+                lengths.append(_write(file, number, episode))
         size_mb = round((temporary / FILE).stat().st_size / 1e6, 1)
         told = {**_metadata(first, lengths, out.name), "dataset_size": size_mb}
         told |= {"env_spec": env_spec} if env_spec else {}

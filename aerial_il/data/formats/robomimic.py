@@ -26,7 +26,7 @@ from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.content_digest import content_digest
 from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, holds, later, numbered, opened
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 ENDINGS, OWN_NAME = (".hdf5", ".h5"), "robomimic.hdf5"
@@ -68,6 +68,7 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     with replacing(out) as temporary, h5py.File(temporary, "w") as file:
         data, total = file.create_group("data"), 0
         for i, episode in enumerate(episodes):
+            require_room(temporary, 3 * episode.nbytes)
             _write(data.create_group(f"demo_{i}"), episode)
             total += len(episode)
             if i == 0:
