@@ -12,12 +12,23 @@ from aerial_il.core.errors import InvalidValueError
 
 Scaling = Literal["standard", "minmax"]
 HARDLY = 1e-3  # of its size: what varies by no more is noise around a constant, and dividing by that would amplify it
+BLOCK = 1 << 16  # rows at once
 ROUNDING = 1e-14  # of the largest size: what varies by no more is an error of rounding
 
 
 def hardly_varies(spread: np.ndarray, size: np.ndarray) -> np.ndarray:
     """Return which elements are as good as constant (D,) bool, by their spread and size (D,) in whatever unit."""
     return spread <= np.maximum(HARDLY * size, ROUNDING * size.max(initial=0.0))
+
+
+def _moments(data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation (D,) of ``data`` (N, D), which is not copied as a whole."""
+    if data.shape[1] == 1:  # summed up by NumPy in another order
+        return data.mean(0, dtype=np.float64), data.std(0, dtype=np.float64)
+    mean, square = data.mean(0, dtype=np.float64), np.zeros(data.shape[1])
+    for start in range(0, len(data), BLOCK):
+        square = np.add.reduce(np.concatenate([square[None], (data[start : start + BLOCK] - mean) ** 2]))
+    return mean, np.sqrt(square / len(data))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +81,9 @@ class Normaliser:
             raise InvalidValueError(f"Normalisation needs samples (N, D) with N > 0, got shape {data.shape}.")
         if scaling not in get_args(Scaling):
             raise InvalidValueError(f"Unknown scaling {scaling!r}. Valid: {', '.join(get_args(Scaling))}.")
-        data = data.astype(np.float64)
-        if scaling == "standard":
-            centre, scale = data.mean(0), data.std(0)
-        else:
-            low, high = data.min(0), data.max(0)
-            centre, scale = (high + low) / 2, (high - low) / 2
-        size = np.abs(data).max(0)
+        low, high = data.min(0).astype(np.float64), data.max(0).astype(np.float64)
+        centre, scale = _moments(data) if scaling == "standard" else ((high + low) / 2, (high - low) / 2)
+        size = np.maximum(np.abs(low), np.abs(high))
         constant = hardly_varies(
             scale, size if reach is None else np.where(np.isfinite(reach), np.maximum(size, reach), size)
         )
