@@ -42,6 +42,7 @@ class Survey:
         loaders: uid -> function that reads the episode, and raises :class:`DemoError` if it cannot be used.
         left_out: uid -> why it is not among them. notes: uid -> what is odd about it, or was mended.
         assumed: what is taken for granted, as no file says it. strict: whether to leave nothing out.
+        files: uid -> the file of a recorded episode, where each has one of its own.
     """
 
     loaders: dict[str, Loader] = field(default_factory=dict)
@@ -49,6 +50,7 @@ class Survey:
     notes: dict[str, list[str]] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
     strict: bool = False
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     @contextmanager
     def leaving_out(self, uid: str) -> Iterator[None]:
@@ -115,7 +117,7 @@ def surveyed(source: Source, wanted: Wanted) -> Survey:
         DemoError: nothing can be used; or something cannot, and ``wanted`` is strict.
         InvalidValueError, UnknownNameError: there is no camera or part of the dataset of that name.
     """
-    source, survey = _filtered(source, wanted), Survey(strict=wanted.strict)
+    source, survey = _filtered(source, wanted), Survey(strict=wanted.strict, files=source.files)
     if wanted.answered and (source.recorded or source.spec):
         raise InvalidValueError(f"{source.path} was recorded here and says it itself: leave out {wanted.answered}.")
     for uid, read in source.recorded.items():
