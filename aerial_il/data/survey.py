@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -117,7 +116,7 @@ def surveyed(source: Source, wanted: Wanted) -> Survey:
         DemoError: nothing can be used; or something cannot, and ``wanted`` is strict.
         InvalidValueError, UnknownNameError: there is no camera or part of the dataset of that name.
     """
-    source, survey = _filtered(source, wanted), Survey(strict=wanted.strict, files=source.files)
+    source, survey = source.part(wanted.filter_key), Survey(strict=wanted.strict, files=source.files)
     if wanted.answered and (source.recorded or source.spec):
         raise InvalidValueError(f"{source.path} was recorded here and says it itself: leave out {wanted.answered}.")
     for uid, read in source.recorded.items():
@@ -281,21 +280,6 @@ def _spec(source: Source, kinds: Mapping[str, Kind], marks: Sequence[Mark], peri
         state_size=states.pop() if len(states) == 1 else 0,
         controller=NO_CONTROLLER,
     )
-
-
-def _filtered(source: Source, wanted: Wanted) -> Source:
-    """Return the part of a dataset that ``filter_key`` names, or all of it."""
-    if wanted.filter_key is None:
-        return source
-    if not source.filters:
-        raise InvalidValueError(f"{source.path} names no parts of itself: leave out filter_key={wanted.filter_key}.")
-    if wanted.filter_key not in source.filters:
-        raise UnknownNameError("filter_key", wanted.filter_key, sorted(source.filters))
-    kept = {*source.filters[wanted.filter_key]}
-    held: dict[str, Any] = {
-        name: {uid: read for uid, read in getattr(source, name).items() if uid in kept} for name in ("raw", "recorded")
-    }
-    return replace(source, **held)
 
 
 def _check_cameras(spec: EnvSpec, wanted: Wanted) -> None:
