@@ -44,7 +44,12 @@ def page_text(template: str, **values: Any) -> str:
 
 def data_uri(path: Path) -> str:
     """Return a film or picture as an address that holds all of it."""
-    return f"data:{MEDIA_TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return data_of(path.read_bytes(), path.suffix)
+
+
+def data_of(content: bytes, suffix: str) -> str:
+    """Return the content of a file with that suffix as an address that holds all of it."""
+    return f"data:{MEDIA_TYPES[suffix]};base64,{base64.b64encode(content).decode()}"
 
 
 def number(value: float | None) -> str:
