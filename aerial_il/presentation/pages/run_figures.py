@@ -93,7 +93,8 @@ def _over_training(
     plot = _wide(last, y, unit_of(each), alt, percent=percent)
     for hue, (label, runs) in enumerate(groups.items()):
         for run in (run for run in runs if run in each and len(runs) > 1):
-            plot.line(*zip(*each[run], strict=True), f"trace thin hue{hue % 8}", title=f"{label}, seed {run.seed}")
+            steps, seen = zip(*each[run], strict=True)
+            plot.line(steps, seen, f"trace thin hue{hue % 8}", title=f"{label}, seed {run.seed}")
         if not means[label]:
             continue
         plot.line([s for s, _, _ in means[label]], [m for _, m, _ in means[label]], f"trace hue{hue % 8}", title=label)

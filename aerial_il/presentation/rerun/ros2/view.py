@@ -113,7 +113,7 @@ def _add_pictures(bag: Bag, episode: Episode, cameras: list[tuple[str, int, floa
     for field, _, focal in cameras:
         topic, frame, time_s = f"/camera/{field}", optical(field.rpartition("_")[0]), float(episode.sim_time[step])
         picture = episode.obs[field][step]
-        sight = {"header": header(time_s, frame), **_sight(*picture.shape[:2], focal)}
+        sight = {"header": header(time_s, frame), **_sight(picture.shape[0], picture.shape[1], focal)}
         bag.add(f"{topic}/camera_info", time_s, CAMERA_INFO, sight)
         bag.picture(f"{topic}/image", time_s, frame, picture)
 
