@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -100,11 +101,8 @@ def evaluate(settings: Evaluate) -> Evaluated:
     seeds = range(settings.seed, settings.seed + settings.episodes)
     worlds = min(settings.num_envs, len(seeds))
     env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
-    try:
-        with watched(env, settings.threads, wanted=settings.rerun) as seen:
-            result, written = _judged(settings, pilot, seen, seeds)
-    finally:
-        env.close()
+    with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
+        result, written = _judged(settings, pilot, seen, seeds)
     return Evaluated(result, pilot, env.spec.tier if pilot.reference.env else settings.tier, written)
 
 

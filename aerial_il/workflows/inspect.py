@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -180,12 +181,9 @@ def _flown_now(source: str, tier: str, seed: int, like: Episode | None) -> Itera
     pilot = pilots.pilot(source, robot=cell[0], task=cell[1], action=cell[2])
     law = spec.controller if spec else pilots.DEFAULT_CONTROLLER
     env = pilot.environment(spec.tier if spec else tier, num_envs=1, threads=1, controller=law)
-    try:
-        with TemporaryDirectory() as folder:
-            first = like.seed if like is not None else seed
-            yield pilots.record(env, pilot.policy, first, Path(folder) / "flight.mcap", name=source)
-    finally:
-        env.close()
+    with closing(env), TemporaryDirectory() as folder:
+        first = like.seed if like is not None else seed
+        yield pilots.record(env, pilot.policy, first, Path(folder) / "flight.mcap", name=source)
 
 
 def _predictor(source: str | None) -> Callable[[Episode], Chunks | None]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -215,15 +216,10 @@ def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -
 def expert_flight(robot: str, task: str, tier: str = "calm") -> tuple[Episode, np.ndarray]:
     """Return the expert's flight of the first of a few seeds that it solves, and its sub-tasks (T, K)."""
     expert = pilot(EXPERT, robot=robot, task=task, action=None)
-    env = expert.environment(tier, num_envs=1, threads=1)
-    try:
-        with TemporaryDirectory() as folder:
-            flights = (
-                record(env, expert.policy, seed, Path(folder) / f"{seed}.mcap", name=EXPERT)
-                for seed in range(SEEDS_TRIED)
-            )
-            first = next(flights)
-            episode = first if first.success else next((flight for flight in flights if flight.success), first)
+    with closing(expert.environment(tier, num_envs=1, threads=1)) as env, TemporaryDirectory() as folder:
+        flights = (
+            record(env, expert.policy, seed, Path(folder) / f"{seed}.mcap", name=EXPERT) for seed in range(SEEDS_TRIED)
+        )
+        first = next(flights)
+        episode = first if first.success else next((flight for flight in flights if flight.success), first)
         return episode, subtask_flags(env, episode)
-    finally:
-        env.close()

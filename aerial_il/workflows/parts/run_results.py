@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -121,10 +122,7 @@ def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Fo
     """Film the first successes and failures of a few flights, ``videos`` of each."""
     from aerial_il.evaluation.rollouts import evaluate
 
-    env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
-    try:
-        seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+    seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+    with closing(pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)) as env:
         result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=False)
         return film(env, result, folder, successes=videos, failures=videos)
-    finally:
-        env.close()

@@ -5,22 +5,16 @@ Example: aerial-il doctor
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.workflows.doctor import PAGE, Doctor, advice, findings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Doctor):
-    """How it is shown.
-
-    Attributes:
-        json: print one JSON object (also: --json).
-    """
-
-    json: bool = False
+class Shown(AsJson, Doctor):
+    """How it is shown."""
 
 
 SETTINGS = Shown
@@ -29,7 +23,7 @@ SETTINGS = Shown
 def run(settings: Shown) -> None:
     """Print the findings."""
     found = findings()
-    print(json.dumps(found, indent=2) if settings.json else _as_text(found))
+    settings.show(found, lambda: _as_text(found))
 
 
 def _as_text(found: dict[str, Any]) -> str:

@@ -14,12 +14,13 @@ Example: aerial-il runs runs where=state!=finished prune=trash
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import fitting, table
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.runs import Runs, runs
@@ -32,18 +33,16 @@ KEPT = ("run", "state", "success", "algorithm", "policy")  # columns that are le
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Runs):
+class Shown(AsJson, Runs):
     """How they are shown.
 
     Attributes:
         columns: columns beside the name ([]: state, axes and results, as many as fit).
         compare: a column for each run, a line for each setting or result in which they differ.
-        json: print one JSON object (also: --json).
     """
 
     columns: tuple[str, ...] = ()
     compare: bool = False
-    json: bool = False
 
 
 SETTINGS, BARE = Shown, ("folder",)
@@ -52,10 +51,9 @@ SETTINGS, BARE = Shown, ("folder",)
 def run(settings: Shown) -> None:
     """Print what was asked for."""
     listed = runs(settings)
-    if settings.json:
-        print(json.dumps(_as_json(listed.runs), indent=2))
-    else:
-        print(_compared(listed.runs) if settings.compare else _listing(listed.runs, settings.columns))
+    as_text = _compared if settings.compare else partial(_listing, columns=settings.columns)
+    settings.show(_plain(listed.runs), partial(as_text, listed.runs))
+    if not settings.json:
         _warn(listed.runs)
     if listed.page is not None:
         print(f"Report: {listed.page}")
@@ -74,7 +72,7 @@ def _listing(found: RunCollection, columns: Sequence[str]) -> str:
     return table(kept) + note
 
 
-def _as_json(found: RunCollection) -> dict[str, Any]:
+def _plain(found: RunCollection) -> dict[str, Any]:
     refused = {str(place): why for place, why in found.refused.items()}
     return {"runs": found.rows, "axes": found.axes, "refused": refused}
 
