@@ -22,6 +22,7 @@ from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.workflows.parts.names import at_least
 
 FOLDER = ".slurm"  # of a job's own: what was submitted, under which number, and how it ended
 SUBMITTED = "submitted.json"
@@ -57,12 +58,7 @@ class Slurm:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.hours > 0 or min(self.cores, self.threads) < 1 or min(self.requeues, self.gpus, self.signal_s) < 0:
-            raise InvalidValueError(
-                f"hours={self.hours} must be positive, cores={self.cores} and threads={self.threads} at least 1, "
-                f"requeues={self.requeues}, gpus={self.gpus} and signal_s={self.signal_s} not negative."
-            )
-
+        at_least(self, requeues=0, cores=1, gpus=0, signal_s=0, threads=1)
         if 3600 * self.hours < self.signal_s + _EARLY_S:
             raise InvalidValueError(
                 f"hours={self.hours} is too short: a job is signalled signal_s={self.signal_s} seconds before its end, "

@@ -19,6 +19,7 @@ from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.training_run import METRICS
+from aerial_il.workflows.parts.names import at_least
 
 STUDY, JOURNAL = "search", "search.journal"
 POLL_S = 0.2
@@ -50,11 +51,7 @@ class Optuna:
     cores: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.trials, self.jobs, self.threads, self.cores) < 1 or min(self.startup, self.seed) < 0:
-            raise InvalidValueError(
-                f"trials={self.trials}, jobs={self.jobs}, threads={self.threads} and cores={self.cores} must be at "
-                f"least 1, startup={self.startup} and seed={self.seed} not negative."
-            )
+        at_least(self, trials=1, jobs=1, startup=0, seed=0, threads=1, cores=1)
 
     def search(self, command: str, space: Mapping[str, Any], fixed: Sequence[str], target: str, folder: str) -> Board:
         """Try points of ``space`` until there are enough, and print the best one.
