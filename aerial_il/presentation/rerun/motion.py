@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.errors import DemoError
+from aerial_il.core.scene_check import check_scene
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.suite.episode.disturbances import effects_of
@@ -117,6 +118,7 @@ def compile_scene(episode: Episode) -> mujoco.MjModel:
         missing = "simulator states" if episode.model_xml else "scene"
         raise DemoError(episode.uid, f"holds no {missing}: nothing can be drawn in 3-D.", hint=INSTEAD)
     try:
+        check_scene(episode.model_xml)
         model = mujoco.MjModel.from_xml_string(episode.model_xml)
     except ValueError as error:
         raise DemoError(episode.uid, f"its scene cannot be compiled ({error}).", hint=INSTEAD) from error
