@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerial_il.presentation.rerun.clock import Clock
 from aerial_il.presentation.rerun.flight import Flight
+from aerial_il.presentation.rerun.log import Clock
 from aerial_il.presentation.rerun.signals import phase_names
 
 

@@ -13,8 +13,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.presentation.rerun import signals
 from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
-from aerial_il.presentation.rerun.clock import Clock
-from aerial_il.presentation.rerun.log import Log
+from aerial_il.presentation.rerun.log import Clock, Log
 from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
 from aerial_il.presentation.rerun.scene import (
     M_PER_M_S,
