@@ -55,7 +55,7 @@ class Logbook:
         self._refuse_others()
         if parts := self.folder.parts():
             log.warning(
-                "%s holds %d recordings that a killed flight left unfinished (.mcap.part). Save what was written of them: "
+                "%s holds %d recordings that a killed flight left unfinished (.mcap.part). Save what was written: "
                 "aerial-il recover path=%s", out, len(parts), out,
             )  # fmt: skip
         self.folder.claim(env.spec)
