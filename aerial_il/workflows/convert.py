@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
+log = logging.getLogger(__name__)
 VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
 FIRST = ("lerobot", "robomimic")  # of several formats of an ending
 
@@ -94,7 +96,9 @@ def _to_rerun(settings: Convert) -> Path:
 
     out = _own_place(settings)
     out.parent.mkdir(parents=True, exist_ok=True)
-    return inspect(Inspect(path=settings.path, save=str(out))).file
+    made = inspect(Inspect(path=settings.path, save=str(out)))
+    log.info("\n".join(made.notes))
+    return made.file
 
 
 def _to_views(settings: Convert) -> Path:

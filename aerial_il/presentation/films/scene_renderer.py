@@ -12,7 +12,7 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import can_render
-from aerial_il.core.scene_check import check_scene
+from aerial_il.core.scene_gate import compiled
 from aerial_il.presentation.studio.marks import Mark
 from aerial_il.presentation.studio.studio import MOVING, Studio
 from aerial_il.presentation.studio.viewpoint import ELEVATION_DEG, Viewpoint
@@ -44,10 +44,8 @@ class SceneRenderer:
 
     def __init__(self, model_xml: str) -> None:
         try:
-            check_scene(model_xml)
-            self.model = mujoco.MjModel.from_xml_string(model_xml)
-            self._xml = model_xml
-        except ValueError as error:
+            self.model, self._xml = compiled(model_xml), model_xml
+        except InvalidValueError as error:
             hint = "Its states and actions can be seen all the same: aerial-il info PATH"
             raise InvalidValueError(f"The recorded scene cannot be drawn: {error}. {hint}") from error
         self.data = mujoco.MjData(self.model)

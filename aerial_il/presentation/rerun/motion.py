@@ -9,8 +9,8 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from aerial_il.core.errors import DemoError
-from aerial_il.core.scene_check import check_scene
+from aerial_il.core.errors import DemoError, InvalidValueError
+from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.suite.episode.disturbances import effects_of
@@ -118,10 +118,9 @@ def compile_scene(episode: Episode) -> mujoco.MjModel:
         missing = "simulator states" if episode.model_xml else "scene"
         raise DemoError(episode.uid, f"holds no {missing}: nothing can be drawn in 3-D.", hint=INSTEAD)
     try:
-        check_scene(episode.model_xml)
-        model = mujoco.MjModel.from_xml_string(episode.model_xml)
-    except ValueError as error:
-        raise DemoError(episode.uid, f"its scene cannot be compiled ({error}).", hint=INSTEAD) from error
+        model = compiled(episode.model_xml)
+    except InvalidValueError as error:
+        raise DemoError(episode.uid, f"its scene cannot be drawn: {error}.", hint=INSTEAD) from error
     needed = mujoco.mj_stateSize(model, STATE)
     if episode.states.shape[1] < needed:
         size = episode.states.shape[1]

@@ -173,7 +173,7 @@ def test_a_flight_without_states_keeps_its_signals_and_says_so(
     ("change", "said"),
     [
         ({"model_xml": ""}, "no scene"),
-        ({"model_xml": "<mujoco><worldbody><geom/></mujoco>"}, "cannot be compiled"),
+        ({"model_xml": "<mujoco><worldbody><geom/></mujoco>"}, "not well-formed"),
         ({"states": np.zeros((3, 7))}, "its states are not its scene's"),
     ],
 )

@@ -247,6 +247,14 @@ def test_a_full_disk_is_told_on_page_and_terminal_and_the_flight_goes_on(
     assert cockpit.logbook.counts()["failures"] == 2
 
 
+def test_what_a_killed_flight_left_is_named_at_the_next(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (part := tmp_path / "demos" / "killed.mcap.part").parent.mkdir()
+    part.touch()
+    cockpit_of(world(), tmp_path).close()
+    assert "1 recordings that a killed flight left" in caplog.text
+    assert f"aerial-il recover path={tmp_path}" in caplog.text
+
+
 def test_how_long_success_has_held_is_shown_until_it_is_believed(tmp_path: Path) -> None:
     cockpit, shown = cockpit_of(world(), tmp_path), []
     device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)

@@ -13,7 +13,7 @@ import aiohttp
 import pytest
 
 from aerial_il.teleop.session.session import State
-from aerial_il.teleop.web import messages
+from aerial_il.teleop.web import messages, visitors
 from aerial_il.teleop.web.messages import BURST, Bucket, MessageError, read_message
 from aerial_il.teleop.web.server import PortTakenError
 from tests.patience import until as until_true
@@ -125,6 +125,19 @@ async def test_one_flies_the_others_watch_until_it_is_handed_over(tmp_path: Path
         await until(first, role="controller")
 
 
+async def test_a_forgotten_page_hands_over_when_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
+        forgotten = await socket(session, flight)
+        await forgotten.send_str(an_input(1, "KeyW"))
+        await until_true(lambda: flight.cockpit.input_seq == 1)
+        owner = await socket(session, flight)
+        await owner.send_str('{"type":"ask"}')
+        assert (await until(owner, asked=2))["role"] == "spectator", "somebody just flew"
+        monkeypatch.setattr(visitors, "FORGOTTEN_S", 0.0)
+        await until(owner, role="controller")
+        assert (await until(forgotten, role="spectator"))["asked"] == 0
+
+
 @pytest.mark.usefixtures("unhurried")
 async def test_a_lost_page_hovers_pauses_and_goes_on(tmp_path: Path) -> None:
     async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
@@ -178,6 +191,8 @@ async def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
         '{"type":"input","held":"KeyW"}',
         '{"type":"input","held":[1]}',
         '{"type":"input","t":1e400}',
+        f'{{"type":"input","t":{"9" * 400}}}',
+        f'{{"type":"input","axes":{{"left_x":{"9" * 400}}}}}',
         '{"type":["input"]}',
     ],
 )
