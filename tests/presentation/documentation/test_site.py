@@ -16,9 +16,8 @@ from sphinx.util.inventory import InventoryFile
 from aerial_il.cli import reference
 from aerial_il.presentation.documentation.site import SiteError, build
 from aerial_il.presentation.documentation.sources import FILMS, NoSourcesError, assemble, site_files
-from aerial_il.presentation.rerun.chromium import browser
 from tests.presentation.documentation.public_names import public_names
-from tests.teleop.chromium import needs_browser
+from tests.teleop.chromium import browser, needs_browser
 
 LOADING = {
     **dict.fromkeys(("script", "img", "video", "source", "iframe"), "src"),
