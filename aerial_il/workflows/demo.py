@@ -14,7 +14,7 @@ from aerial_il.workflows.report import Report, report
 from aerial_il.workflows.spelling import command_line, words_of
 from aerial_il.workflows.train import Dataset, Train, train
 
-QUIET = ("progress", "overwrite")  # what a stage is told besides, which no line need say
+QUIET = ("progress", "overwrite")  # set by the demo itself, and left out of the printed commands
 
 
 @dataclass(frozen=True, kw_only=True)

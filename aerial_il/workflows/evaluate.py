@@ -119,7 +119,7 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
-    journal.begin({**subject, CALLED: name})
+    journal.start({**subject, CALLED: name})
     command = {"command": _command(settings, pilot)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress

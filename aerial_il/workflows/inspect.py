@@ -100,12 +100,12 @@ def _write(settings: Inspect, target: Path) -> list[str]:
             return list(_compare(settings, settings.beside, file))
         notes = list[str]()
         for flight in _flights(settings, settings.path, settings.episode):
-            notes += _told(flight)
+            notes += _lines_of(flight)
             file.add({"": flight}, name=flight.episode.uid)
         return notes
 
 
-def _told(flight: Flight) -> list[str]:
+def _lines_of(flight: Flight) -> list[str]:
     episode = flight.episode
     end = "success" if episode.success else "no success"
     return [f"{episode.uid}: {len(episode)} steps, {end}", *(f"  {note}" for note in flight.notes)]
@@ -118,7 +118,7 @@ def _compare(settings: Inspect, beside: str, file: FlightFile) -> Iterator[str]:
     first = next(iter(_flights(settings, settings.path, settings.episode or 0)))
     second = next(iter(_flights(settings, beside, settings.episode or 0, like=first.episode)))
     for flight in (first, second):
-        yield from _told(flight)
+        yield from _lines_of(flight)
     aligned = align(first, second)
     yield f"Aligned by {aligned.by}: {', '.join(aligned.milestones) or 'they have no others in common'}."
     roots = _roots(settings.path, beside)

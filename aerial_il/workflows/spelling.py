@@ -33,18 +33,18 @@ def words_of(settings: Any, *, without: Collection[str] = ()) -> list[str]:
     Args:
         settings: a dataclass. without: keys that are left unsaid.
     """
-    found = list[str]()
+    words = list[str]()
     for key in schema.keys(type(settings)):
         if "." in key.name or key.name in without or key.takes == "preset":
             continue
         value = getattr(settings, key.name)
         if key.takes == "choice":
-            found += _choosing(key.name, key.kind, chosen(key.kind, value), key.default)
+            words += _choosing(key.name, key.kind, chosen(key.kind, value), key.default)
         elif is_dataclass(value) and not isinstance(value, type):
-            found += _group(key.name, value)
+            words += _group(key.name, value)
         elif schema.shown(value) != key.default:
-            found.append(path(key.name, value) if isinstance(value, str) else f"{key.name}={typed(value)}")
-    return found
+            words.append(path(key.name, value) if isinstance(value, str) else f"{key.name}={typed(value)}")
+    return words
 
 
 def _choosing(key: str, kind: str, settings: Any, default: str) -> list[str]:
@@ -85,7 +85,7 @@ def parts(value: str) -> list[str]:
     """Return what stands between the commas of ``value``, those within quotes and brackets left alone."""
     blank = value
     for pattern in (_QUOTED, _BRACKETED):
-        blank = pattern.sub(lambda found: "_" * len(found[0]), blank)
+        blank = pattern.sub(lambda match: "_" * len(match[0]), blank)
     ends = [i for i, letter in enumerate(blank) if letter == ","]
     return [value[first:last] for first, last in zip([0, *(i + 1 for i in ends)], [*ends, len(value)], strict=True)]
 
@@ -103,8 +103,8 @@ def typed(value: Any) -> str:
 
 def _uninterpolated(text: str) -> str:
     """Return ``text`` such that OmegaConf does not take ``${...}`` within it for a reference."""
-    return re.sub(r"(\\*)\$\{", lambda found: f"{found[1] * 2}\\${{", text)
+    return re.sub(r"(\\*)\$\{", lambda match: f"{match[1] * 2}\\${{", text)
 
 
-def _guarded(found: re.Match[str]) -> str:
-    return found[1] * 2 + ("\\'" if found[2] else "")
+def _guarded(match: re.Match[str]) -> str:
+    return match[1] * 2 + ("\\'" if match[2] else "")

@@ -46,7 +46,7 @@ class Processes:
         try:
             while waiting or running:
                 while waiting and len(running) < abreast:
-                    self._begin(waiting.popleft(), running, board, cores)
+                    self._start(waiting.popleft(), running, board, cores)
                 for job, process in list(running.items()):
                     if (status := process.poll()) is not None:
                         del running[job]
@@ -60,7 +60,7 @@ class Processes:
         finally:
             stop(running.values())
 
-    def _begin(self, job: Job, running: dict[Job, subprocess.Popen[bytes]], board: Board, cores: int) -> None:
+    def _start(self, job: Job, running: dict[Job, subprocess.Popen[bytes]], board: Board, cores: int) -> None:
         board.started(job)
         try:
             running[job] = start(job, threads=self.threads, cores=cores)

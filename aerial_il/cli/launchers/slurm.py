@@ -177,8 +177,8 @@ def _status(job: Job, number: str) -> int | None:
 def _still_queued(job: Job) -> str | None:
     """Return the number under which an earlier call queued this very job, if it still waits or runs."""
     try:
-        told = read_json(Path(job.folder) / FOLDER / SUBMITTED)
-        number, same = str(told["job_id"]), told["overrides"] == list(job.overrides)
+        note = read_json(Path(job.folder) / FOLDER / SUBMITTED)
+        number, same = str(note["job_id"]), note["overrides"] == list(job.overrides)
     except (OSError, ValueError, LookupError, TypeError):
         return None
     return number if same and number in _queue() and _status(job, number) is None else None
@@ -187,17 +187,17 @@ def _still_queued(job: Job) -> str | None:
 def _queue() -> set[str]:
     """Return the numbers of this user's jobs that wait or run."""
     asked = ["squeue", "--me", "--noheader", "--format=%i"]
-    found = subprocess.run(asked, capture_output=True, text=True, check=False)
-    if found.returncode:
-        raise InvalidValueError(f"squeue failed: {found.stderr.strip()}. The jobs go on; the same command finds them.")
-    return set(found.stdout.split())
+    answer = subprocess.run(asked, capture_output=True, text=True, check=False)
+    if answer.returncode:
+        raise InvalidValueError(f"squeue failed: {answer.stderr.strip()}. The jobs go on; the same command finds them.")
+    return set(answer.stdout.split())
 
 
 def _check_cluster() -> None:
     try:
-        found = subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False)
+        answer = subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
         hint = "Call it on a login node; to try it on this machine: make slurm"
         raise InvalidValueError(f"launcher=slurm needs SLURM's commands, and there is no sinfo. {hint}") from error
-    if found.returncode:
-        raise InvalidValueError(f"SLURM does not answer: {found.stderr.strip()}")
+    if answer.returncode:
+        raise InvalidValueError(f"SLURM does not answer: {answer.stderr.strip()}")

@@ -28,11 +28,11 @@ class Clock:
     def columns(self, index: np.ndarray | None = None) -> list[rr.TimeColumn]:
         """Return the time columns of the states ``index``, or of all."""
         index = np.arange(len(self.sim_time)) if index is None else index
-        found = [
+        times = [
             rr.TimeColumn(STEP, sequence=self.first_step + index),
             rr.TimeColumn(SIM_TIME, duration=self.sim_time[index]),
         ]
-        return found if self.aligned is None else [*found, rr.TimeColumn(ALIGNED, duration=self.aligned[index])]
+        return times if self.aligned is None else [*times, rr.TimeColumn(ALIGNED, duration=self.aligned[index])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,8 +90,8 @@ def pilot(
     chosen = dict(options or {})
     if made := _stating_nothing(source, robot, task, env, noise):
         return _pilot(made, source, _place(source, robot, task, action, env, chosen), chosen)
-    if found := find_lerobot(Path(source)):
-        return _from_lerobot(source, found, robot=robot, task=task, action=action)
+    if folder := find_lerobot(Path(source)):
+        return _from_lerobot(source, folder, robot=robot, task=task, action=action)
     policy = load_policy(source)
     spec = policy.spec
     if note := tier_note(spec):
@@ -207,7 +207,7 @@ def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -
 
     with TemporaryDirectory() as folder:
         made = collect(env, policy, [seed], folder, policy_name=name, progress=False).folder
-        (flown,) = (found for kind in KINDS for found in made.files(kind))
+        (flown,) = (recording for kind in KINDS for recording in made.files(kind))
         file.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(flown, file)
     return read_episode(file)

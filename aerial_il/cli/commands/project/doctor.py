@@ -22,15 +22,15 @@ SETTINGS = Shown
 
 def run(settings: Shown) -> None:
     """Print the findings."""
-    found = findings()
-    settings.show(found, lambda: _as_text(found))
+    result = findings()
+    settings.show(result, lambda: _as_text(result))
 
 
-def _as_text(found: dict[str, Any]) -> str:
+def _as_text(result: dict[str, Any]) -> str:
     lines = []
-    for name, value in found.items():
+    for name, value in result.items():
         inner = value if isinstance(value, dict) else {"": value}
         lines += [f"{' '.join(filter(None, (name, key))):<24} {text}" for key, text in inner.items()]
-    notes = advice(found)
+    notes = advice(result)
     lines += ["", *(f"{name}: {text}" for name, text in notes.items())] if notes else []
     return "\n".join([*lines, "", f"Each finding is explained in {PAGE}."])

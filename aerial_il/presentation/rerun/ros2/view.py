@@ -59,7 +59,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
     placed = [Track(WORLD, body_name(model, body), body_pose(motion, body)) for body in free]
     joints, cameras = _values(model, tree, qpos, qvel), list(recorded_cameras(episode, model))
     bag = Bag()
-    _begin(bag, episode, model, tree, [track for track in tracks if not track.moves])
+    _add_lasting(bag, episode, model, tree, [track for track in tracks if not track.moves])
     for step, time_s in enumerate(episode.sim_time.tolist()):
         bag.frames("/tf", time_s, [track.at(step) for track in tracks if track.moves])
         for track in placed:
@@ -73,7 +73,7 @@ def write_view(episode: Episode, path: str | os.PathLike[str]) -> Path:
     return bag.save(path)
 
 
-def _begin(bag: Bag, episode: Episode, model: mujoco.MjModel, tree: Tree, static: list[Track]) -> None:
+def _add_lasting(bag: Bag, episode: Episode, model: mujoco.MjModel, tree: Tree, static: list[Track]) -> None:
     """Add what lasts."""
     start, urdf = float(episode.sim_time[0]), urdf_of(model, tree, plain(episode.spec.robot))
     bag.add_metadata("aerial_il.view", {"uid": episode.uid, "success": str(episode.success).lower()})
@@ -134,7 +134,7 @@ def _values(model: mujoco.MjModel, tree: Tree, qpos: np.ndarray, qvel: np.ndarra
 def _part(model: mujoco.MjModel, states: np.ndarray, name: str) -> np.ndarray:
     """Return a part of MuJoCo's states (N, S): ``qpos`` (N, nq) or ``qvel`` (N, nv)."""
     part = getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}")
-    size, found = mujoco.mj_stateSize(model, SIGNATURE), np.zeros((len(states), mujoco.mj_stateSize(model, part)))
-    for values, state in zip(found, np.ascontiguousarray(states[:, :size]), strict=True):
+    size, parts = mujoco.mj_stateSize(model, SIGNATURE), np.zeros((len(states), mujoco.mj_stateSize(model, part)))
+    for values, state in zip(parts, np.ascontiguousarray(states[:, :size]), strict=True):
         mujoco.mj_extractState(model, state, SIGNATURE, values, int(part))
-    return found
+    return parts
