@@ -27,6 +27,7 @@ NO_INTERVAL = Interval(math.nan, math.nan)
 LEVEL = 0.95  # of confidence, of all intervals
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 RELABELLINGS = 9999  # of a permutation test
+MACRO_RESAMPLES = 4000
 
 
 def wilson(count: int, total: int) -> Interval:
@@ -105,9 +106,7 @@ def t_interval(values: np.ndarray) -> Interval:
     return Interval(float(values.mean() - half), float(values.mean() + half))
 
 
-def bootstrap_macro(
-    counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator, resamples: int = 4000
-) -> Interval:
+def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator) -> Interval:
     """Return the interval of a mean success rate over tasks, each flown by policies of one or several training seeds.
 
     Training seeds are resampled within each task, then the episodes of each; with one seed the episodes alone, so that
@@ -117,16 +116,15 @@ def bootstrap_macro(
         counts: for each task the successes of each training seed.
         total: episodes that each of them flew.
         rng: source of the resamples.
-        resamples: number of resampled means.
 
     Source:
         B. Efron and R. Tibshirani, "An introduction to the bootstrap", 1993, section 8.3 (several levels of sampling).
     """
     if total < 1 or not counts or not all(counts):
         return NO_INTERVAL
-    means = np.zeros(resamples)
+    means = np.zeros(MACRO_RESAMPLES)
     for seeds in counts:
-        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(resamples, len(seeds)))]
+        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(MACRO_RESAMPLES, len(seeds)))]
         means += rng.binomial(total, chosen / total).mean(axis=1) / (total * len(counts))
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
@@ -236,9 +234,9 @@ def paired_permutation_test(
     return float(test.pvalue)
 
 
-def smallest_p(resamples: int = RELABELLINGS) -> float:
+def smallest_p() -> float:
     """Return the least two-sided p-value that random relabellings can give: none was as extreme, on either side."""
-    return 2 / (resamples + 1)
+    return 2 / (RELABELLINGS + 1)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
