@@ -59,12 +59,12 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     given = list(overrides)
     ConfigStore.instance().store(name=settings.__name__, node=_node(settings))
     GlobalHydra.instance().clear()
-    found = dict[str, Any]()
+    values = dict[str, Any]()
     try:
         with initialize_config_module(commands.__name__, version_base="1.3"):
             cfg = hydra_compose(settings.__name__, [f"++{word}" for word in given])
         for name in (word.partition("=")[0] for word in given):
-            value, place = OmegaConf.select(cfg, name), found
+            value, place = OmegaConf.select(cfg, name), values
             *path, last = name.split(".")
             for step in path:
                 place = place.setdefault(step, {})
@@ -72,7 +72,7 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     except (HydraException, OmegaConfBaseException, AttributeError, TypeError) as error:
         _parsed(given)  # names the word that cannot be read
         raise InvalidValueError(f"{' '.join(given)} does not go together: {_first_line(error)}") from error
-    return found
+    return values
 
 
 def points(command: Command, overrides: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:
@@ -84,12 +84,12 @@ def points(command: Command, overrides: Sequence[str]) -> list[tuple[tuple[str, 
     free = [(word, each) for word, each in zip(overrides, parsed, strict=True) if each.key_or_group != target]
     ways = [_ways(word, each) for word, each in free]
     swept = [place for place, (_, each) in enumerate(free) if each.is_sweep_override()]
-    found = []
+    jobs = []
     for number, point in enumerate(itertools.product(*ways)):
         name = ",".join(_shown(point[place]) for place in swept) or str(number)
         folder = str(Path(top) / name)
-        found.append(((*point, *([f"{target}={literal(folder)}"] if target else [])), folder))
-    return found
+        jobs.append(((*point, *([f"{target}={literal(folder)}"] if target else [])), folder))
+    return jobs
 
 
 def space(command: Command, overrides: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
@@ -99,13 +99,13 @@ def space(command: Command, overrides: Sequence[str]) -> tuple[dict[str, Any], l
         InvalidValueError: nothing is swept, or a word cannot be read.
     """
     parsed = _parsed(overrides)
-    found = {each.key_or_group: each.value() for each in parsed if each.is_sweep_override()}
-    if not found:
+    swept = {each.key_or_group: each.value() for each in parsed if each.is_sweep_override()}
+    if not swept:
         raise InvalidValueError(
             "There is nothing to search: give a key an interval, e.g. 'algorithm.lr=interval(0.0001,0.01)'."
         )
     fixed = [word for word, each in zip(overrides, parsed, strict=True) if not each.is_sweep_override()]
-    return found, [word for word in fixed if not word.startswith(f"{command.output}=")]
+    return swept, [word for word in fixed if not word.startswith(f"{command.output}=")]
 
 
 def output_folder(command: Command, overrides: Sequence[str]) -> str:
@@ -143,16 +143,16 @@ def _parsed(overrides: Iterable[str]) -> list[Any]:
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    parser, found = OverridesParser.create(), []
+    parser, parsed = OverridesParser.create(), []
     for word in overrides:
         try:
-            found.append(parser.parse_override(f"++{word}"))
+            parsed.append(parser.parse_override(f"++{word}"))
         except HydraException as error:
             raise InvalidValueError(
                 f"{word} cannot be read: close its brackets and quotes; text with signs of its own stands in quotes "
                 f"that the shell leaves, \"{word.partition('=')[0]}='...'\"."
             ) from error
-    return found
+    return parsed
 
 
 def _node(settings: type) -> dict[str, Any]:

@@ -23,11 +23,11 @@ INTRODUCTION = """\
 
 def pages() -> dict[str, str]:
     """Return path on the site -> text: one page for each command, one for each kind of choice, and a list."""
-    found = [commands.find(name) for name in ordered_names()]
-    rows = [f"| [`{command.name}`]({command.name}.md) | {_prose(command.summary)} |" for command in found]
+    every = [commands.find(name) for name in ordered_names()]
+    rows = [f"| [`{command.name}`]({command.name}.md) | {_prose(command.summary)} |" for command in every]
     groups_row = "What may be chosen by name, with its keys: [choices](groups.md)."
     index = "\n".join([INTRODUCTION, "", "| command | |", "|---|---|", *rows, "", groups_row, ""])
-    of_commands = {f"commands/{command.name}.md": _page(command) for command in found}
+    of_commands = {f"commands/{command.name}.md": _page(command) for command in every}
     return {"commands/index.md": index, "commands/groups.md": _choices_page(), **of_commands}
 
 

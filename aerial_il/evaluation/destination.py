@@ -111,7 +111,7 @@ def _differences(there: Mapping[str, Any], asked: Mapping[str, Any], called: str
 
 
 def _policies(old: str, new: str) -> tuple[str, str]:
-    """Return how two policies are told apart; weights are known by their digest, which says nothing to anybody."""
+    """Return names that tell two policies apart; weights are known by their digest, which says nothing to anybody."""
     return (f"{old} as it was then", f"{new} as it is now, with other weights") if old == new else (old, new)
 
 

@@ -113,8 +113,8 @@ def _sensor_row(name: str) -> dict[str, Any]:
     from aerial_il.suite import sensors
 
     shown = ((each, fields) for robot in robots.names() for each, _, fields in sensors.of(robots.get(robot)))
-    found = next((fields for each, fields in shown if each == name), ())
-    return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in found]}
+    known = next((fields for each, fields in shown if each == name), ())
+    return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in known]}
 
 
 def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:

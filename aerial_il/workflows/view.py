@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -100,8 +101,7 @@ def _show_flight(settings: View, viewer: str) -> None:
         env=settings.env,
     )
     law, seed = settings.controller, settings.seed or 0
-    env = pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)
-    try:
+    with closing(pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)) as env:
         if viewer == "window":
             print(f"{pilot.task} on {pilot.robot} from seed {seed} on. Close the window to end.")
             window.show_live(env, pilot.policy, seed)
@@ -111,8 +111,6 @@ def _show_flight(settings: View, viewer: str) -> None:
         episode = pilots.record(env, pilot.policy, seed, file, name=settings.policy)
         again = command_line(["view", *pilot.overrides, f"tier={settings.tier}", f"controller={law}", f"seed={seed}"])
         _present(settings, viewer, episode, file, out, env=env, again=again)
-    finally:
-        env.close()
     print(f"Recording: {file}")
 
 
@@ -126,13 +124,9 @@ def _show_recording(settings: View, viewer: str, file: Path) -> None:
         print(f"{file}: again and again. Close the window to end.")
         window.show_recording(episode)
         return
-    env = same_scene(episode)
-    try:
-        again = command_line(["view", f"recording={file}"])
+    env, again = same_scene(episode), command_line(["view", f"recording={file}"])
+    with closing(env) if env else nullcontext():
         _present(settings, viewer, episode, file, _out(settings, viewer, file.stem), env=env, again=again)
-    finally:
-        if env is not None:
-            env.close()
 
 
 def _present(

@@ -128,7 +128,7 @@ def subject(**changed: Any) -> dict[str, Any]:
 )
 def test_flights_of_something_else_are_refused_by_name(tmp_path: Path, changed: dict[str, Any], named: str) -> None:
     journal = Journal(tmp_path)
-    journal.begin(subject())
+    journal.start(subject())
     fly_into(journal)
     assert finished(tmp_path, subject(), overwrite=False) is None
     with pytest.raises(InvalidValueError, match="overwrite=true") as caught:
@@ -150,7 +150,7 @@ def test_weights_are_told_apart_by_where_they_lay_not_by_their_digest(
     tmp_path: Path, before: str, now: str, named: str
 ) -> None:
     journal = Journal(tmp_path)
-    journal.begin({**subject(policy_sha256="ab" * 32), CALLED: before})
+    journal.start({**subject(policy_sha256="ab" * 32), CALLED: before})
     fly_into(journal)
     with pytest.raises(InvalidValueError) as caught:
         finished(tmp_path, subject(policy_sha256="cd" * 32), called=now, overwrite=False)

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-
 from aerial_il.presentation.markdown import table
 
 FRONT = "aerial_il"
@@ -32,18 +29,6 @@ def pages() -> dict[str, str]:
     rows = [(f"[`{name}`]({name}.rst)", what) for name, what in SHOWN.items()]
     index = f"{INTRODUCTION}\n\n{table(('module', ''), rows)}\n"
     return {"python/index.md": index, **{f"python/{name}.rst": _page(name) for name in SHOWN}}
-
-
-def public_names() -> set[str]:
-    """Return the full names of the functions and classes that these modules define and document."""
-    return {f"{name}.{each}" for name in SHOWN for each in _documented(name)}
-
-
-def _documented(module: str) -> list[str]:
-    def own(value: object) -> bool:
-        return getattr(value, "__module__", "") == module and bool(inspect.getdoc(value))
-
-    return [name for name, value in vars(importlib.import_module(module)).items() if name[0] != "_" and own(value)]
 
 
 def _page(module: str) -> str:

@@ -136,14 +136,14 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
     rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
-    found: list[tuple[np.ndarray, ...]] = []
+    seen: list[tuple[np.ndarray, ...]] = []
     contacts: list[tuple[np.ndarray, ...]] = []
     for state in np.ascontiguousarray(states[:, :size]):
         mujoco.mj_setState(model, data, state, STATE)
         mujoco.mj_forward(model, data)
-        found.append(tuple(np.copy(part) for part in _seen(model, data, rotors)))
+        seen.append(tuple(np.copy(part) for part in _seen(model, data, rotors)))
         contacts.append(_contacts(model, data))
-    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*found, strict=True))
+    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*seen, strict=True))
     wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
     counts, points, forces, on_robot = zip(*contacts, strict=True)
     return Motion(

@@ -36,7 +36,7 @@ def take(file: Path, target: Path, *, at: float | None = None) -> Path:
 
 async def _seen(file: Path, at: float | None) -> bytes:
     with page(file) as (_, address):
-        async with browser(*DRAWING) as opened:
+        async with browser(*DRAWING, tab=Tab) as opened:
             tab = await opened("about:blank")
             await tab.look(width=WIDTH, height=HEIGHT, dark=False)
             await tab.call("Page.navigate", url=f"{address}&renderer=webgl&hide_welcome_screen")

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -70,12 +70,9 @@ def training_resources(
     env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
     if forfeits_by_success(algorithm) and env.ends_at_success:
         log.warning(FORFEITED)
-    try:
-        with operator(expert, env, port=port) if by_hand else nullcontext(asked) as teacher:
-            handed = {"env": env, "expert": teacher, "collect": collect}
-            yield {name: handed[name] for name in needs}
-    finally:
-        env.close()
+    with closing(env), operator(expert, env, port=port) if by_hand else nullcontext(asked) as demonstrator:
+        handed = {"env": env, "expert": demonstrator, "collect": collect}
+        yield {name: handed[name] for name in needs}
 
 
 def _place(

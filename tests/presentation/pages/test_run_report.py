@@ -153,8 +153,8 @@ def test_the_mean_reward_is_drawn_beside_success(tmp_path: Path) -> None:
     run = read_run(make_adversarial(tmp_path / "run"))
     assert run.rewards == [(5000, 0.5), (10000, 1.5), (15000, 3.0)]
     html = write_run_report(tmp_path / "one.html", run).read_text()
-    assert "Mean reward in rollouts over 15000 environment steps; the last is 3" in html
-    assert html.count('class="knot"') == 3 + 3
+    assert "Mean reward over training: 3 at the end" in html
+    assert html.count('class="spot hue0"') == 3 + 3
     seeds = [read_run(make_adversarial(tmp_path / f"{k}", seed=k, rewards=(1.0, k + 1.0))) for k in range(3)]
     (step, same, alike), (_, mean, apart) = run_figures.mean_rewards(seeds)
     assert (step, same, mean) == (5000.0, 1.0, 2.0)
@@ -170,7 +170,7 @@ def test_the_mean_reward_is_drawn_beside_success(tmp_path: Path) -> None:
 
 def test_a_group_keeps_its_hue_in_every_figure(tmp_path: Path) -> None:
     groups = {"a": [read_run(make_run(tmp_path / "a"))], "b": [read_run(make_adversarial(tmp_path / "b"))]}
-    figure = run_figures.reward_of_groups(groups)
+    figure = run_figures.mean_reward(groups)
     assert figure is not None
     assert "hue1" in figure.svg
     assert "hue0" not in figure.svg, "the first group logs no reward, and leaves its hue unused"

@@ -10,7 +10,7 @@ import pytest
 
 from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
-from aerial_il.presentation.rerun.chunks import Chunks
+from aerial_il.evaluation.predictions import Prediction
 from aerial_il.presentation.rerun.flight import Flight
 from aerial_il.presentation.rerun.signals import groups_of, phase_names
 from tests.presentation.rerun.conftest import Shown
@@ -61,7 +61,9 @@ def test_a_failure_is_no_success(episodes: list[Episode], write: Callable[..., S
 
 def test_chunks_are_drawn_where_they_begin(episodes: list[Episode], write: Callable[..., Shown]) -> None:
     episode, starts = episodes[0], np.arange(0, len(episodes[0]), 10)
-    shown = write({"": Flight.of(episode, chunks=Chunks(episode.actions + 0.01, starts))})
+    action, times = episode.spec.action, episode.sim_time[:-1]
+    predicted = Prediction("p", action.labels, action.units, times, episode.actions, episode.actions + 0.01, starts)
+    shown = write({"": Flight.of(episode, prediction=predicted)})
     assert shown.numbers("/scene/predicted", "step").tolist() == starts.tolist()
     first = np.asarray(shown.column("/scene/predicted", "LineStrips3D:strips")[0].as_py())
     assert first.reshape(-1, 3) == pytest.approx(episode.actions[:10, :3] + 0.01, abs=1e-6)

@@ -5,21 +5,15 @@ Example: aerial-il compare runs/one/evaluation runs/two/evaluation
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.workflows.compare import Compare, compare
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Compare):
-    """How it is shown.
-
-    Attributes:
-        json: print one JSON object (also: --json).
-    """
-
-    json: bool = False
+class Shown(AsJson, Compare):
+    """How it is shown."""
 
 
 SETTINGS, BARE = Shown, ("a", "b")
@@ -28,4 +22,4 @@ SETTINGS, BARE = Shown, ("a", "b")
 def run(settings: Shown) -> None:
     """Print the comparison."""
     comparison = compare(settings)
-    print(json.dumps(comparison.to_dict(), indent=2) if settings.json else comparison.summary())
+    settings.show(comparison.to_dict(), comparison.summary)
