@@ -60,6 +60,32 @@ def test_every_robot_is_flown_by_hand_and_seen(tmp_path: Path, robot: str, level
         assert np.asarray(Image.open(tmp_path / "shot.jpg")).std() > 5.0, "a picture of something"
 
 
+@pytest.mark.render
+def test_nothing_is_rendered_that_nobody_sees_and_what_stands_still_is_sharp() -> None:
+    env, shots, seen = world(), list[Shot](), threading.Event()
+    state = state_of(env)
+
+    def deliver(shot: Shot) -> None:
+        shots.append(shot)
+        seen.set()
+
+    film = Film(env.model, CAMERAS[:1], (90, 120), deliver)
+    film.start()
+    film.thrift, film.watched = 3, False
+    try:
+        film.show(state, 1)
+        film.watched = True
+        for number in (2, 3):
+            seen.clear()
+            film.show(state, number)
+            assert seen.wait(HANG_S), film.error
+    finally:
+        film.close()
+        env.close()
+    assert [shot.input_seq for shot in shots] == [2, 3]
+    assert len(shots[1].images[0]) > 2 * len(shots[0].images[0])
+
+
 def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
     with pytest.raises(UnknownNameError, match="chase"):
         Film(world().model, ("chse",), (90, 120), lambda _: None)
