@@ -202,13 +202,7 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return math.nan
     if min(a.size, b.size) == 1:
         return 1.0
-
-    def difference(x: np.ndarray, y: np.ndarray, axis: int) -> np.ndarray:
-        return np.mean(x, axis=axis) - np.mean(y, axis=axis)
-
-    batch = _batch(a.size + b.size)
-    test = stats.permutation_test((a, b), difference, vectorized=True, n_resamples=resamples, batch=batch, rng=rng)
-    return float(test.pvalue)
+    return _permuted((a, b), _difference_of_means, "independent", rng=rng, resamples=resamples)
 
 
 def paired_permutation_test(
@@ -221,17 +215,7 @@ def paired_permutation_test(
     differences = _finite(differences)
     if differences.size < 2:
         return 1.0 if differences.size else math.nan
-    batch = _batch(differences.size)
-    test = stats.permutation_test(
-        (differences,),
-        np.mean,
-        permutation_type="samples",
-        vectorized=True,
-        n_resamples=resamples,
-        batch=batch,
-        rng=rng,
-    )
-    return float(test.pvalue)
+    return _permuted((differences,), np.mean, "samples", rng=rng, resamples=resamples)
 
 
 def smallest_p() -> float:
@@ -263,6 +247,18 @@ def _bootstrap(
         samples, statistic, n_resamples=resamples, batch=batch, confidence_level=LEVEL, method="percentile", rng=rng
     )
     return Interval(float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+
+
+def _permuted(
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], kind: str, *, rng: np.random.Generator,
+    resamples: int,
+) -> float:  # fmt: skip
+    """Return the two-sided p-value of a statistic of one or several samples under permutations of a kind."""
+    batch = _batch(sum(sample.size for sample in samples))
+    test = stats.permutation_test(
+        samples, statistic, permutation_type=kind, vectorized=True, n_resamples=resamples, batch=batch, rng=rng
+    )
+    return float(test.pvalue)
 
 
 def _batch(size: int) -> int:
