@@ -25,7 +25,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
+from aerial_il.algorithms.off_policy.critics import squared_error, weighted_likelihood
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
@@ -38,7 +38,7 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.checks import require_positive
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics as CriticNetworks
@@ -100,7 +100,7 @@ class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
         critics = settings.critics.build(sizes)
         self.actor_state = TrainState(actor, adam(actor, settings.lr))
         self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
+        self.targets = Follower(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def update(self, batch: Batch) -> dict[str, float]:

@@ -27,7 +27,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
+from aerial_il.algorithms.off_policy.critics import ascent, squared_error
 from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
@@ -40,7 +40,7 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -89,7 +89,7 @@ class DeterministicAgent(Agent[SquashedGaussianNetwork]):
         critics = settings.critics.build(sizes)
         self.actor_state = TrainState(actor, adam(actor, settings.lr))
         self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critics)
+        self.actor_target, self.targets = Follower(actor), Follower(critics)
         self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
         super().__init__(
             {"actor": self.actor_state, "critics": self.critics},

@@ -36,7 +36,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.critics import squared_error
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
@@ -52,7 +52,7 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -121,7 +121,7 @@ class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
         self.actor_state = TrainState(improved, adam(improved, settings.lr))
         self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
+        self.targets = Follower(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def update(self, batch: Batch, demos: Batch) -> dict[str, float]:

@@ -27,7 +27,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.critics import squared_error
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
@@ -40,7 +40,7 @@ from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -101,7 +101,7 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
         self.actor_state = TrainState(improved, adam(improved, settings.lr))
         self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
+        self.targets = Follower(critics)
         super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 import torch
 
-from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
-from aerial_il.algorithms.run.train_state import TrainState
+from aerial_il.algorithms.run.train_state import Follower, TrainState
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.network import StochasticNetwork
 
@@ -32,7 +31,7 @@ class Agent[Network: StochasticNetwork]:
     def __init__(
         self,
         trained: Mapping[str, TrainState],
-        targets: Mapping[str, Target],
+        targets: Mapping[str, Follower],
         others: Mapping[str, Stateful] | None = None,
     ) -> None:
         self._trained, self.updates = trained, 0

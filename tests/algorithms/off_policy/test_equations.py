@@ -15,9 +15,9 @@ from aerial_il.algorithms.ddpg import DDPG, DeterministicAgent
 from aerial_il.algorithms.dqn import DQN, DeepQAgent
 from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
 from aerial_il.algorithms.iql import IQL, ImplicitAgent, expectile_loss
-from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
+from aerial_il.algorithms.run.train_state import Follower
 from aerial_il.algorithms.sac import SAC, SoftActorCritic
 from aerial_il.algorithms.td3 import TD3, TwinDelayedAgent
 from aerial_il.policies.categorical import Categorical, CategoricalNetwork
@@ -47,7 +47,7 @@ def mislead(agent: Any, centre: Sequence[float] = (-0.9,)) -> None:
 def test_a_target_goes_its_share_of_the_way() -> None:
     network = torch.nn.Linear(1, 1)
     torch.nn.init.constant_(network.weight, 1.0)
-    target = Target(network)
+    target = Follower(network)
     torch.nn.init.constant_(network.weight, 5.0)
     followed = []
     for _ in range(3):
