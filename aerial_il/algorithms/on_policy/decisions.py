@@ -8,7 +8,7 @@ half decided between two of them.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,11 +95,12 @@ class Pilot(Part, ABC):
 
     def collect(self, steps: int) -> Decisions:
         """Take ``steps`` environment steps of all worlds together, or a few more."""
-        rows: list[tuple[Any, ...]] = []
+        rows, answers = list[tuple[np.ndarray, ...]](), list[np.ndarray]()
         self.cut()
         for _ in range(-(-steps // self._collector.n)):
             acted = self.act()
             step = self._collector.step(acted.actions, learner=acted.learner)
-            after = self.after(step)
-            rows.append((*acted[:3], after, step.rewards, step.terminal, step.truncated, acted.normalised))
-        return Decisions(*(None if each[0] is None else np.stack(each) for each in zip(*rows, strict=True)))
+            rows.append((*acted[:3], self.after(step), step.rewards, step.terminal, step.truncated))
+            answers += [] if acted.normalised is None else [acted.normalised]
+        columns = (np.stack(values) for values in zip(*rows, strict=True))
+        return Decisions(*columns, normalised=np.stack(answers) if answers else None)
