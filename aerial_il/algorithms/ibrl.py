@@ -147,16 +147,11 @@ class ProposedAgent(Agent[SquashedGaussianNetwork]):
     :mod:`aerial_il.algorithms.off_policy.proposals`.
     """
 
+    changing = (*Agent.changing, "actor_target")
+
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self.sizes = settings, actor, sizes
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Follower(actor), Follower(critics)
-        super().__init__(
-            {"actor": self.actor_state, "critics": self.critics},
-            {"actor_target": self.actor_target, "critic_targets": self.targets},
-        )
+        super().__init__(settings, actor, sizes)
+        self.actor_target = Follower(actor)
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
