@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.on_policy.actor_critic import minibatches
 from aerial_il.algorithms.on_policy.advantages import RewardNorm, gae
-from aerial_il.algorithms.on_policy.critic import minibatches
 from aerial_il.algorithms.ppo import PPO
 from aerial_il.core.errors import InvalidValueError
 
