@@ -1,0 +1,91 @@
+"""May an output go there? What is new, empty or ours may be written; everything else is refused by name.
+
+A file is ours if it carries our name near its beginning or its end, which everything that is written here does; a
+folder, if it has a file by which we know it and nothing besides what we put there.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from aerial_il.core.errors import InvalidValueError
+
+NAME = b"aerial_il"
+SIGNS = {  # of files that may mention us without being ours
+    ".html": b'<meta name="generator" content="aerial_il">',
+    ".svg": b"<dc:title>aerial_il</dc:title>",
+}
+SEARCHED = 1 << 16  # bytes, from either end
+LEFT_ALONE = "Nothing of it is changed. Choose another place with {key}=..., or move it away."
+
+
+def claim_file(path: str | os.PathLike[str], *, key: str = "out") -> Path:
+    """Return the place of a file that is to be written, with what is there already being nobody else's.
+
+    Args:
+        key: how the place was named, for the words of a refusal.
+
+    Raises:
+        InvalidValueError: it is a folder, a link, or a file that was not written here.
+    """
+    path = Path(path)
+    if path.is_symlink():
+        _refuse(key, path, f"is a link to {os.readlink(path)}")
+    if path.is_dir():
+        _refuse(key, path, "is a folder, and what is written is one file")
+    if path.exists() and not _is_ours(path):
+        _refuse(key, path, "exists, and was not written by aerial_il")
+    _require_parent(key, path)
+    return path
+
+
+def claim_folder(path: str | os.PathLike[str], known_by: str, parts: Sequence[str], *, key: str = "out") -> Path:
+    """Return the place of a folder that is to be written, or replaced.
+
+    Args:
+        known_by: a file by which a folder of this kind is known as ours, below it; it carries our name.
+        parts: patterns of all that we put into such a folder. key: as in :func:`claim_file`.
+
+    Raises:
+        InvalidValueError: it is a file, a link, or holds what was not written here.
+    """
+    path = Path(path)
+    if path.is_symlink():
+        _refuse(key, path, f"is a link to {os.readlink(path)}")
+    if path.exists() and not path.is_dir():
+        _refuse(key, path, "is a file, and what is written is a folder")
+    _require_parent(key, path)
+    if not path.exists() or not any(path.iterdir()):
+        return path
+    if not any(_is_ours(file) for file in path.glob(known_by) if file.is_file()):
+        _refuse(key, path, "is not empty, and was not written by aerial_il")
+    kept = {file for part in parts for file in path.glob(part)}
+    if others := sorted(file for file in path.rglob("*") if not file.is_dir() and file not in kept):
+        _refuse(key, others[0], "lies there too, and was not written by aerial_il")
+    return path
+
+
+def _is_ours(file: Path) -> bool:
+    if not file.is_file():
+        return False
+    with open(file, "rb") as raw:
+        size = os.fstat(raw.fileno()).st_size
+        head = raw.read(SEARCHED)
+        raw.seek(max(0, size - SEARCHED))
+        seen = head + raw.read(SEARCHED)
+    return not size or SIGNS.get(file.suffix.lower(), NAME) in seen
+
+
+def _require_parent(key: str, path: Path) -> None:
+    """Require that what the place lies in is, or can become, folders."""
+    for parent in path.absolute().parents:
+        if parent.is_dir():
+            return
+        if parent.exists() or parent.is_symlink():
+            raise InvalidValueError(f"{key}={path}: {parent} is not a folder. Choose another place with {key}=....")
+
+
+def _refuse(key: str, path: Path, why: str) -> None:
+    raise InvalidValueError(f"{key}: {path} {why}. {LEFT_ALONE.format(key=key)}")
