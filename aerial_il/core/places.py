@@ -12,12 +12,17 @@ from pathlib import Path
 
 from aerial_il.core.errors import InvalidValueError
 
-NAME = b"aerial_il"
-SIGNS = {  # of files that may mention us without being ours
-    ".html": b'<meta name="generator" content="aerial_il">',
-    ".svg": b"<dc:title>aerial_il</dc:title>",
+MADE_BY = "aerial_il"  # what pictures, films and tables say of who made them
+NAMES = (MADE_BY.encode(), b"aerial-il")
+SIGNS = {  # by name or ending, what a file of ours carries; any other is not ours
+    ".html": (b'<meta name="generator" content="aerial_il">',),
+    ".svg": (b"<dc:title>aerial_il</dc:title>",),
+    "provenance.json": (b'"seal"', *NAMES),
+    **dict.fromkeys((".hdf5", ".rrd", ".mcap", ".part", ".png", ".webp", ".mp4", ".json", ".jsonl"), NAMES),
+    **dict.fromkeys(("objects.inv", "index.md", "README.md"), NAMES),  # of our documentation
 }
-SEARCHED = 1 << 16  # bytes, from either end
+ANYTHING = ("**/*",)
+SEARCHED = 1 << 17  # bytes, from either end
 LEFT_ALONE = "Nothing of it is changed. Choose another place with {key}=..., or move it away."
 
 
@@ -41,25 +46,28 @@ def claim_file(path: str | os.PathLike[str], *, key: str = "out") -> Path:
     return path
 
 
-def claim_folder(path: str | os.PathLike[str], known_by: str, parts: Sequence[str], *, key: str = "out") -> Path:
-    """Return the place of a folder that is to be written, or replaced.
+def claim_folder(
+    path: str | os.PathLike[str], known_by: Sequence[str], parts: Sequence[str] = ANYTHING, *, key: str = "out"
+) -> Path:
+    """Return the place of a folder that is to be written into, or replaced.
 
     Args:
-        known_by: a file by which a folder of this kind is known as ours, below it; it carries our name.
-        parts: patterns of all that we put into such a folder. key: as in :func:`claim_file`.
+        known_by: patterns of files by which a folder of this kind is known as ours: one of them carries our name.
+        parts: patterns of all that may lie there; to be given where the whole folder is replaced.
+        key: as in :func:`claim_file`.
 
     Raises:
-        InvalidValueError: it is a file, a link, or holds what was not written here.
+        InvalidValueError: it is a file, holds what was not written here, or is a link that would be replaced.
     """
     path = Path(path)
-    if path.is_symlink():
+    if path.is_symlink() and parts != ANYTHING:
         _refuse(key, path, f"is a link to {os.readlink(path)}")
     if path.exists() and not path.is_dir():
         _refuse(key, path, "is a file, and what is written is a folder")
     _require_parent(key, path)
     if not path.exists() or not any(path.iterdir()):
         return path
-    if not any(_is_ours(file) for file in path.glob(known_by) if file.is_file()):
+    if not any(_is_ours(file) for name in known_by for file in path.glob(name)):
         _refuse(key, path, "is not empty, and was not written by aerial_il")
     kept = {file for part in parts for file in path.glob(part)}
     if others := sorted(file for file in path.rglob("*") if not file.is_dir() and file not in kept):
@@ -75,7 +83,8 @@ def _is_ours(file: Path) -> bool:
         head = raw.read(SEARCHED)
         raw.seek(max(0, size - SEARCHED))
         seen = head + raw.read(SEARCHED)
-    return not size or SIGNS.get(file.suffix.lower(), NAME) in seen
+    signs = SIGNS.get(file.name) or SIGNS.get(file.suffix.lower(), ())
+    return not size or any(sign in seen for sign in signs)
 
 
 def _require_parent(key: str, path: Path) -> None:
