@@ -22,6 +22,7 @@ SIGNS = {  # by name or ending, what a file of ours carries; any other is not ou
     **dict.fromkeys(("objects.inv", "index.md", "README.md"), NAMES),  # of our documentation
 }
 ANYTHING = ("**/*",)
+JOB_LOG = "job.log"  # of a launcher
 SEARCHED = 1 << 17  # bytes, from either end
 LEFT_ALONE = "Nothing of it is changed. Choose another place with {key}=..., or move it away."
 
@@ -65,7 +66,7 @@ def claim_folder(
     if path.exists() and not path.is_dir():
         _refuse(key, path, "is a file, and what is written is a folder")
     _require_parent(key, path)
-    if not path.exists() or not any(path.iterdir()):
+    if not path.exists() or not any(_counts(entry.name, parts) for entry in path.iterdir()):
         return path
     if not any(_is_ours(file) for name in known_by for file in path.glob(name)):
         _refuse(key, path, "is not empty, and was not written by aerial_il")
@@ -73,6 +74,11 @@ def claim_folder(
     if others := sorted(file for file in path.rglob("*") if not file.is_dir() and file not in kept):
         _refuse(key, others[0], "lies there too, and was not written by aerial_il")
     return path
+
+
+def _counts(name: str, parts: Sequence[str]) -> bool:
+    """Return whether an entry makes a folder somebody's; notes of who called us do not, where nothing is replaced."""
+    return parts != ANYTHING or not (name.startswith(".") or name == JOB_LOG)
 
 
 def _is_ours(file: Path) -> bool:
