@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_file
 from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
 from aerial_il.workflows.spelling import command_line
 
@@ -107,7 +108,7 @@ def _show_flight(settings: View, viewer: str) -> None:
             window.show_live(env, pilot.policy, seed)
             return
         out = _out(settings, viewer, f"{pilot.task}-{pilot.robot}-{settings.tier}-{seed}-{Path(settings.policy).name}")
-        file = out.with_suffix(".mcap")
+        file = claim_file(out.with_suffix(".mcap"))
         episode = pilots.record(env, pilot.policy, seed, file, name=settings.policy)
         again = command_line(["view", *pilot.overrides, f"tier={settings.tier}", f"controller={law}", f"seed={seed}"])
         _present(settings, viewer, episode, file, out, env=env, again=again)
@@ -202,7 +203,7 @@ def _fly_this(episode: Any) -> list[str]:
 
 
 def _out(settings: View, viewer: str, name: str) -> Path:
-    return Path(settings.out) if settings.out else Path(VIEWS) / f"{name}{ENDINGS[viewer]}"
+    return claim_file(settings.out or Path(VIEWS) / f"{name}{ENDINGS[viewer]}")
 
 
 def _find(place: Path, seed: int | None) -> Path:

@@ -136,9 +136,9 @@ def test_an_evaluated_policy_is_always_a_path() -> None:
 
 
 def test_bare_words_fill_keys_and_json_is_a_flag() -> None:
-    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["json=true", "a=x", "b=y"]
-    with pytest.raises(InvalidValueError, match="'z' is not KEY=VALUE"):
-        prepare(commands.find("compare"), ["x", "y", "z"])
+    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["json=true", "result=[x,y]"]
+    with pytest.raises(InvalidValueError, match="is not KEY=VALUE"):
+        prepare(commands.find("replay"), ["x", "y", "z"])
 
 
 def test_a_sweep_gives_each_job_a_folder_of_its_own() -> None:

@@ -24,7 +24,7 @@ OWN = {  # kind of what is attacked, as the attack's name begins -> where it is 
     "hdf5": [("validate", "path"), ("train", "dataset")],
     "lerobot": [("validate", "path"), ("train", "dataset")],
     "minari": [("validate", "path"), ("train", "dataset"), ("convert", "path")],
-    "evaluation": [("compare", "a"), ("report", "result")],
+    "evaluation": [("compare", "result"), ("report", "result")],
     "wrong": [("info", "path"), ("evaluate", "policy")],
     "a_loop": [("info", "path"), ("evaluate", "policy")],
 }

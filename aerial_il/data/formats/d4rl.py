@@ -43,6 +43,7 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     with replacing(out) as temporary, h5py.File(temporary, "w") as file:
         for name, values in _columns(episodes, observed.state_names).items():
             file[name] = values
+        file.attrs["made_by"] = "aerial_il"
         file["metadata/fields"] = " ".join(f"{name}:{observed[name].size}" for name in observed.state_names)
     return out
 

@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
@@ -263,6 +265,7 @@ def write_mp4(
     options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
     try:
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            container.metadata["comment"] = MADE_BY
             stream = container.add_stream("libx264", rate=rate, options=options)
             stream.pix_fmt = "yuv420p"
             for picture in _held(frames, hold_frames):
@@ -285,8 +288,15 @@ def jpeg(picture: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
 def png(picture: np.ndarray) -> bytes:
     """Return an (H, W, 3) uint8 picture as a PNG file."""
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True, pnginfo=signed_png())
     return buffer.getvalue()
+
+
+def signed_png() -> PngInfo:
+    """Return what a PNG says of who made it."""
+    info = PngInfo()
+    info.add_text("Software", MADE_BY)
+    return info
 
 
 def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:

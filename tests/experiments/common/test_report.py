@@ -45,7 +45,7 @@ def test_a_target_is_met_up_to_its_limit(sense: str, measured: float, met: bool)
 
 def test_the_verdict_counts_and_a_missed_target_is_loud() -> None:
     assert REPORT.verdict == "1 of 2 targets met"
-    assert [target.to_row()["verdict"] for target in REPORT.targets] == ["met", "MISSED"]
+    assert [target.to_row()["verdict"] for target in REPORT.targets] == ["met", "not met"]
 
 
 def test_a_study_says_what_was_measured_how_and_where(tmp_path: Path) -> None:
