@@ -66,24 +66,6 @@ def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
         expert_of(TASKS["door"], tmp_path, noise=0.0)
 
 
-def test_what_targets_ask_for_is_trained_first() -> None:
-    clean = ({"demos": 15, "bc": 3},)
-    study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, clean=clean, seeds=2)
-    points = study.points()
-    assert {(p.task, p.demos) for p in points[:2]} == {("door", 100), ("relocate", 100)}
-    assert {p.policy for p in points} == {"mlp"}
-    assert len(points) == len(set(points)) == 2 * (2 + 2) + 3
-
-
-def test_each_way_gets_its_number_of_trainings() -> None:
-    study = Adroit(clean=({"demos": 15, "bc": 4, "ask": 2},), interactive={"ask": None}, seeds=1)
-    trained = [(p.method, p.seed) for p in study.points() if p.clean]
-    assert trained == [("bc", 0), ("ask", 0), ("bc", 1), ("ask", 1), ("bc", 2), ("bc", 3)]
-    for wrong in ({"demos": 15, "asks": 1}, {"bc": 3}):
-        with pytest.raises(InvalidValueError, match="it names demos and any of bc"):
-            Adroit(clean=(wrong,))
-
-
 def test_a_control_takes_as_many_steps() -> None:
     training = BC(steps=100)
     asking = {"ask": DAgger(rounds=5, between_steps=40, training=training)}

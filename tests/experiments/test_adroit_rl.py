@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.dapg import DAPG
-from aerial_il.algorithms.npg import NPG
-from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.mlp import MLP
 from experiments.adroit.people import flown_by_people
 from experiments.adroit.tasks import TASKS, PublishedRewards
 from experiments.adroit_rl.study import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, targets_of
@@ -22,27 +17,6 @@ from tests.experiments.results import result_with
 
 DATA = Path("../shared/data/adroit")
 needs_data = pytest.mark.skipif(not DATA.is_dir(), reason=f"{DATA} is not there")
-SMALL: dict[str, Any] = {
-    "data": str(DATA),
-    "policy": MLP(chunk=1, ensemble=None, hidden=(8,)),
-    "dapg": build(
-        DAPG,
-        {
-            "steps": 1_200,
-            "warmup": 100,
-            "rollout": {"steps": 800},
-            "exploration": {"execute": 1},
-            "cloning": {"steps": 5, "batch_size": 16, "validation": 0.0},
-        },
-    ),
-    "npg": build(NPG, {"rollout": {"steps": 800}}),
-    "tasks": ("door",),
-    "rewards": ("environment",),
-    "draws": (0,),
-    "episodes": 2,
-    "worlds": 2,
-    "num_envs": 2,
-}
 
 
 @needs_data
@@ -56,29 +30,10 @@ def test_what_people_flew_fits_the_environment() -> None:
     assert all((np.abs(episode.actions) <= 1.0).all() for episode in shown)
 
 
-@pytest.mark.slow
-@needs_data
-def test_a_small_study_has_its_control_and_resumes(tmp_path: Path) -> None:
-    report = AdroitRl(**SMALL).run(tmp_path, progress=False)
-    arms = {row["arm"]: row for row in report.tables["Arms"]}
-    assert list(arms) == [CLONE, ASKED, CONTROL]
-    assert {name: row["demos"] for name, row in arms.items()} == {CLONE: 25, ASKED: 25, CONTROL: 0}
-    assert arms[ASKED]["steps"] == arms[CONTROL]["steps"] == 1_200
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
-    AdroitRl(**SMALL).run(tmp_path, progress=False)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before
-
-
 def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -> None:
     stages = OutsideStages(record=Record(tmp_path))
     row = AdroitRl()._row(Arm("door", CLONE, "environment"), [result_with(4, 1)], stages)
     assert (row["minutes"], row["steps"], row["percent"]) == (None, 0, 25.0)
-
-
-def test_the_page_names_what_sets_the_control_apart() -> None:
-    said = AdroitRl().control_differs()
-    for words in ("step size (0.05 and 0.1)", "(64 and 1024)", "(64x64 and 128x128)", "50000 steps", "begins at 0.3"):
-        assert words in said
 
 
 @needs_data
@@ -93,14 +48,6 @@ def test_draws_differ_where_experts_fly(tmp_path: Path) -> None:
     control = study.training(Arm("door", CONTROL, "environment"), 0, stages)
     assert control.shown is None
     assert control.algorithm.steps == study.dapg.steps
-
-
-def test_what_targets_ask_for_is_trained_on_every_draw() -> None:
-    planned = AdroitRl(tasks=("door",)).trainings()
-    assert [draw for draw, arm in planned if arm == Arm("door", ASKED, "environment")] == [0, 1, 2]
-    assert [draw for draw, arm in planned if arm.name == CONTROL] == [0, 0]
-    assert [arm.reward for draw, arm in planned if draw == 0 and arm.name == ASKED] == ["environment", "sparse"]
-    assert [arm.reward for _, arm in planned if arm.name == CONTROL] == ["environment", "sparse"]
 
 
 @needs_data

@@ -50,8 +50,3 @@ def test_every_law_has_its_row_its_steps_and_its_tracking(tmp_path: Path) -> Non
     assert set(report.figures) == {"steps.svg", "tracking.svg"}
     assert all(target.met for target in report.targets)
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-def test_settings_without_a_measurement_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="seeds >= 1"):
-        Controllers(seeds=0)

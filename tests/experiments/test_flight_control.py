@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.errors import InvalidValueError
 from experiments.common.figures import mismatch_lines
 from experiments.flight_control.manoeuvres import (
     Held,
@@ -22,9 +21,7 @@ from experiments.flight_control.manoeuvres import (
     response_of,
 )
 from experiments.flight_control.pilots import LawPilot, PolicyPilot
-from experiments.flight_control.study import FlightControl, Training, success_row_of
 from experiments.flight_control.tables import MASSES, MOTORS, by_mismatch
-from tests.experiments.results import result_with
 
 SEEDS = np.array([10_000, 10_001])
 TIMES = 0.02 * np.arange(1, 201)
@@ -95,34 +92,6 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
     thrust = np.where(np.isnan(away)[..., None], np.nan, 5.0) * np.ones(4)
     found = held(away, away, thrust, 20.0, np.array([False, True]))
     assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
-
-
-def test_trainings_and_settings() -> None:
-    study = FlightControl(seeds=2)
-    assert len(study.trainings()) == 3 * (2 + 1)
-    assert study.trainings()[0] == Training("hover", "ppo", 0)
-    assert [(t.algorithm, t.seed) for t in study.trainings() if t.task == "hover"] == [
-        ("ppo", 0),
-        ("sac", 0),
-        ("ppo", 1),
-    ]
-    with pytest.raises(InvalidValueError, match=r"entropy names \['fly'\]; valid: hover"):
-        FlightControl(entropy={"fly": 0.1})
-    with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
-        FlightControl(laws=("mpc",))
-
-
-def test_minutes_are_told_of_learners_alone() -> None:
-    learned = success_row_of("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
-    assert (learned["percent"], learned["minutes"]) == (87.5, 15.0)
-    assert success_row_of("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
-
-
-def test_a_task_may_explore_less_than_the_others() -> None:
-    study = FlightControl(entropy={"land": 0.003})
-    entropies = {t.task: study.learner(t).entropy for t in study.trainings() if t.algorithm == "ppo"}
-    assert entropies == {"hover": 0.01, "take_off": 0.01, "land": 0.003}
-    assert study.learner(Training("land", "sac", 0)) == study.sac
 
 
 def test_a_pilot_that_crashes_is_drawn_hollow() -> None:

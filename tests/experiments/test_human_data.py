@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
-import pytest
-
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from experiments.common.stages import Cloned
 from experiments.hg_dagger.study import HgDagger
-from experiments.human_data.study import DRIVER, SCRIPT, TEACHERS, ClonedDriver, HumanData
+from experiments.human_data.study import TEACHERS, ClonedDriver, HumanData
 
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")
 
@@ -27,19 +22,6 @@ def test_only_the_drivers_arm_is_suited_to_hands() -> None:
         assert (other.algorithm.waypoints, other.policy.relative) == (BC.waypoints, False)
     assert driver.driven == recorded.driven
     assert {training.policy.name for training in found.values()} == {"flow"}
-
-
-def test_a_class_may_be_trained_in_fewer_draws() -> None:
-    found = list(HumanData(arms=("mlp", "act"), fewer={"act": 1}).all_trainings())
-    assert Counter((name, teacher) for name, teacher, _ in found) == {
-        **{("mlp", teacher): 3 for teacher in TEACHERS}, ("act", DRIVER): 1, ("act", SCRIPT): 1,
-    }  # fmt: skip
-    with pytest.raises(UnknownNameError, match="transformer"):
-        HumanData(fewer={"transformer": 1})
-    with pytest.raises(UnknownNameError, match="lstm"):
-        HumanData(as_recorded=("lstm",))
-    with pytest.raises(InvalidValueError, match=r"fewer\.act is 0; it starts at 1"):
-        HumanData(fewer={"act": 0})
 
 
 def test_all_rounds_of_taking_over_are_suited_to_hands() -> None:

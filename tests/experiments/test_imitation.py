@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
@@ -42,33 +42,6 @@ def test_every_manipulation_task_is_flown_in_three_draws() -> None:
     assert cells == {c for c in imitation.aerial_il.list_cells() if c[0] in ROBOTS and c[1] != "hover"}
     assert {f["draw"] for f in flights} == {0, 1, 2}
     assert len(flights) == len(cells) * 3 * len(study.flown_in)
-
-
-def test_sizes_are_tried_in_every_draw() -> None:
-    study = Imitation(**{**SMALL, "sizes": (1, 2)})
-    assert [(f.training.demos, f.training.source.draw) for f in study.planned_flights()] == [
-        (2, 0),
-        (2, 1),
-        (1, 0),
-        (1, 1),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"tasks": ("hover",)}, "task"),
-        ({"methods": ("act",)}, "method"),
-        ({"algorithms": {}}, "differ"),
-        ({"first_episode": 9_999}, "from 10000"),
-        ({"episodes": 0}, "start at 1"),
-        ({"draws": ()}, "at least one"),
-        ({"flown_in": ("storm",)}, "storm"),
-    ],
-)
-def test_impossible_settings_are_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises((InvalidValueError, UnknownNameError), match=said):
-        Imitation(**{**SMALL, **wrong})
 
 
 def flown(*rates: tuple[str, int, int]) -> dict[Flight, EvaluationResult]:

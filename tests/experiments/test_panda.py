@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 from pathlib import Path
 
 import pytest
 
-from aerial_il.algorithms.ddpg import DDPG
-from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda import study as panda
 from experiments.panda.study import PUSH, REACH, Arm, Panda, targets_of
-
-needs_panda = pytest.mark.skipif(importlib.util.find_spec("panda_gym") is None, reason="panda-gym is not installed")
 
 
 def test_every_algorithm_is_trained_with_every_seed() -> None:
@@ -42,15 +36,3 @@ def test_what_is_missing_or_unknown_is_answered(tmp_path: Path, monkeypatch: pyt
     report = Panda().run(tmp_path, progress=False)
     assert "pip install" in report.tables["Skipped"][0]["why"]
     assert report.targets == ()
-
-
-@pytest.mark.slow
-@needs_panda
-def test_a_small_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
-    learner = build(DDPG, {"steps": 300, "warmup": 100, "critics": {"hidden": [8]}, "hindsight": {"goals": 4}})
-    small = Panda(policy=SquashedGaussian(hidden=(8,)), reach={"ddpg": learner}, tasks=(REACH,), seeds=1, episodes=3)
-    report = small.run(tmp_path, progress=False)
-    assert [row["arm"] for row in report.tables["Arms"]] == ["ddpg"]
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
-    assert small.run(tmp_path, progress=False).tables == report.tables
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before

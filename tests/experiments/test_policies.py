@@ -6,9 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
-import pytest
 
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.policies.study import OneByOne, Policies, prepared_for
 from tests.algorithms.point_mass import demonstrations
@@ -35,10 +33,3 @@ def test_end_to_end(tmp_path: Path) -> None:
     assert np.isclose(learning["ratio_loader"], learning["own_per_s"] / learning["loader_per_s"], rtol=0.05)
     assert [target.limit for target in report.targets] == [20.0, 2.0, 2.0]
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="calls is 0"):
-        Policies(calls=0)
-    with pytest.raises(UnknownNameError, match="Did you mean 'mlp'"):
-        Policies(policies=("mpl",))

@@ -9,12 +9,10 @@ import gymnasium
 import numpy as np
 import pytest
 
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from experiments.common.notes import notes_on
+from aerial_il.core.errors import UnknownNameError
 from experiments.common.outside import mean_of_last
 from experiments.sb3.cells import Cell, cells
-from experiments.sb3.curves import kept
-from experiments.sb3.study import NOTES, Sb3, interval_ends, table_rows, targets_of, times_sooner
+from experiments.sb3.study import Sb3, interval_ends, table_rows, targets_of, times_sooner
 from experiments.sb3.theirs import INSTALLED, Found, keywords, schedule
 
 needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
@@ -44,16 +42,6 @@ def test_sooner_is_the_time_to_what_both_reach() -> None:
     assert times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
 
 
-def test_a_long_curve_keeps_its_end() -> None:
-    curve = [(8 * k, 0.123456 * k, 1.0 / (k + 1)) for k in range(1001)]
-    long, short = kept(Found([1.23456], 9.0, curve)), kept(Found([], 9.0, curve[:3]))
-    assert 50 < len(long["curve"]) <= 100
-    assert long["curve"][-1] == (8000, 123.46, 0.001)
-    assert long["returns"] == [1.235]
-    assert [point[0] for point in short["curve"]] == [0, 8, 16]
-    assert kept(Found([], 9.0, []))["curve"] == []
-
-
 def test_every_target_can_be_missed() -> None:
     cell = replace(cells()["ppo_reach"], wanted=50.0, as_theirs=True)
     better, worse = found(60.0, 2.0), found(40.0, 6.0)
@@ -79,23 +67,6 @@ def test_an_interval_stays_within_what_a_return_can_be() -> None:
     assert interval_ends(np.array([500.0, 400.0]), anything) == {"low": None, "high": None}, "of two it says nothing"
     assert interval_ends(np.array([1.0, 2.0, 3.0]), anything) == {"low": -0.5, "high": 4.5}
     assert interval_ends(np.array([500.0]), cart_pole) == {"low": None, "high": None}
-
-
-def test_a_page_tells_how_the_sides_differ_in_what_is_on_it() -> None:
-    said = "\n".join(notes_on({"ppo_cartpole"}, NOTES))
-    assert "standardises what it sees" in said
-    assert "differs by design" not in "\n".join(notes_on({"sac_half_cheetah"}, NOTES)), "where nothing does"
-    assert not any(other in said for other in ("MountainCar", "HalfCheetah", "`dqn`", "`reach`", "bench.fewer"))
-    assert all(
-        word in "\n".join(notes_on(cells(), NOTES)) for word in ("MountainCar", "HalfCheetah", "`dqn`", "`reach`")
-    )
-
-
-def test_unknown_comparisons_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="Did you mean 'ppo_cartpole'"):
-        Sb3(cells=("ppo_cartpol",))
-    with pytest.raises(InvalidValueError, match="steps_share"):
-        Sb3(steps_share=0.0)
 
 
 def test_a_comparison_that_takes_long_is_made_with_fewer_seeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,15 +103,6 @@ def test_noise_is_named_by_its_deviation() -> None:
     asked = keywords({"noise": 0.5, "gamma": 0.9}, gymnasium.spaces.Box(-1, 1, (2,)))
     assert sorted(asked) == ["action_noise", "gamma"]
     assert np.shape(asked["action_noise"]()) == (2,)
-
-
-@needs_sb3
-@pytest.mark.slow
-def test_the_study_runs_and_what_is_there_is_not_done_again(tmp_path: Path) -> None:
-    study = Sb3(cells=("ppo_cartpole",), seeds=(0, 1), episodes=2, steps_share=0.02)
-    report = study.run(tmp_path, progress=False)
-    assert [row["side"] for row in report.tables["Both sides"]] == ["ours", "sb3"]
-    assert study.run(tmp_path, progress=False).tables == report.tables
 
 
 def test_a_cell_of_the_suite_is_the_same_on_both_sides() -> None:

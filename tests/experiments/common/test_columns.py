@@ -7,34 +7,12 @@ from typing import Any
 import pytest
 
 from experiments.common.columns import markdown
-from experiments.common.success import pooled_row
-from tests.experiments.results import result_with
 
 
 def cells(*rows: dict[str, Any]) -> list[dict[str, str]]:
     """What a table shows: for each row title -> cell."""
     head, _, *lines = ([cell.strip() for cell in line.strip("| ").split(" |")] for line in markdown(rows).splitlines())
     return [dict(zip(head, line, strict=True)) for line in lines]
-
-
-def test_success_takes_five_cells() -> None:
-    pooled, alone = (pooled_row([result_with(100, count) for count in counts]) for counts in ((90, 80), (90,)))
-    assert cells(pooled, alone) == [
-        {
-            "trainings": "2",
-            "success": "170/200",
-            "percent (flights)": "85.0 (79.4–89.3)",
-            "trainings interval": "21.5–100.0",
-            "worst–best": "80.0–90.0",
-        },
-        {
-            "trainings": "1",
-            "success": "90/100",
-            "percent (flights)": "90.0 (82.6–94.5)",
-            "trainings interval": "",
-            "worst–best": "90.0–90.0",
-        },
-    ]
 
 
 @pytest.mark.parametrize(
@@ -56,16 +34,3 @@ def test_success_takes_five_cells() -> None:
 )  # fmt: skip
 def test_an_interval_stands_beside_its_number(row: dict[str, Any], shown: dict[str, str]) -> None:
     assert cells(row) == [shown]
-
-
-def test_numbers_stand_right_and_words_left() -> None:
-    row = {
-        "arm": "bc",
-        "each": "1 (2); 3 (4)",
-        "lr": 1e-05,
-        "percent": 9.5,
-        "ci95_low": 8.0,
-        "ci95_high": 10.0,
-        "time_s": None,
-    }
-    assert markdown([row]).splitlines()[1] == "| --- | --- | ---: | ---: | ---: |"

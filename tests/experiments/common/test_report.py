@@ -68,21 +68,7 @@ def test_a_study_says_what_was_measured_how_and_where(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("name", "title"),
-    [("sb3", "Beside Stable-Baselines3"), ("rl_speed", "Speed of reinforcement learning"), ("wind", "Wind")],
-)
-def test_a_title_is_made_of_words(name: str, title: str, tmp_path: Path) -> None:
-    page = save_study(replace(REPORT, study=Made(name)), tmp_path, command="one").read_text()
-    assert page.startswith(f"# {title}\n")
-
-
 def test_a_study_too_large_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match="bytes"):
         save_study(replace(REPORT, figures={"big.svg": "x" * 300_000}), tmp_path, command="one")
     assert not list(tmp_path.iterdir())
-
-
-def test_a_report_without_a_table_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match="no table"):
-        replace(REPORT, tables={})

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import aerial_il
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from experiments.common.report import Report
@@ -71,11 +69,6 @@ def test_a_lost_stage_is_done_again_with_the_same_result(report: Report, folder:
         file.unlink()
     again = TINY.run(folder, progress=False)
     assert again.tables == report.tables
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="start at 1"):
-        replace(TINY, sizes=())
 
 
 def test_the_interval_over_trainings_is_the_wider() -> None:

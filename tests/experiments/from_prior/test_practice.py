@@ -15,7 +15,7 @@ from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
 from experiments.common.practised import Continued, Practised
 from experiments.common.stages import Cloned, trained_s
-from experiments.from_prior.practice import Arm, Practice, by_training, largest_dip, spread_evenly
+from experiments.from_prior.practice import Arm, Practice, by_training, largest_dip
 
 
 def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
@@ -26,14 +26,6 @@ def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
 @pytest.mark.parametrize(("percent", "dip"), [((50, 60), 0.0), ((50, 44, 90), 6.0), ((50, 52, 0), 50.0)])
 def test_the_dip_is_the_largest_on_the_way_however_it_ends(percent: tuple[float, ...], dip: float) -> None:
     assert largest_dip(rounds(*percent)) == dip
-
-
-def test_of_many_rounds_some_are_listed() -> None:
-    rounds = [{"round": number} for number in range(1, 246)]
-    listed = [row["round"] for row in spread_evenly(rounds, 16)]
-    assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
-    assert spread_evenly(rounds[:3], 16) == rounds[:3]
-    assert spread_evenly([], 16) == []
 
 
 def test_practice_after_practice_counts_both(tmp_path: Path) -> None:

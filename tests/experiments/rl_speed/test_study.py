@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from aerial_il import algorithms
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from experiments.rl_speed.study import RlSpeed, online_algorithms
 
 
@@ -48,10 +47,3 @@ def test_end_to_end(name: str, parts: tuple[str, ...], tmp_path: Path) -> None:
         "Robot: floating_gripper, demonstrated by its scripted expert without noise 1 times"
     )
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="flies while it learns"):
-        RlSpeed(algorithms=("bc",))
-    with pytest.raises(InvalidValueError, match="start at 1"):
-        RlSpeed(repetitions=0)

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import json
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from aerial_il.core.errors import InvalidValueError
 from experiments.common.report import Report
 from experiments.tracking import study as tracking
 from experiments.tracking.motions import curves
@@ -58,8 +56,3 @@ def test_an_observer_that_is_worth_nothing_misses_its_target() -> None:
     assert [target.met for target in tracking.observer_targets(arms)] == [False]
     assert [t.met for t in tracking.observer_targets({**arms, ("quad", "gusts", "geometric"): flights[2]})] == [True]
     assert not list(tracking.observer_targets({("quad", "calm", law): f for (_, _, law), f in arms.items()}))
-
-
-def test_settings_without_a_measurement_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match="seeds >= 1"):
-        Tracking(seeds=0)
