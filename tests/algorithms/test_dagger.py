@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -115,24 +111,6 @@ def test_the_union_of_all_rounds_is_an_ordinary_dataset(whole: Path, demos: list
 
 
 # --- what may go wrong
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments_it_ends_with_the_same_bytes(
-    tmp_path: Path, whole: Path, demos: list[Episode]
-) -> None:
-    run, ends, rng = tmp_path / "run", [], np.random.default_rng(3)
-    demonstrations(run.with_name("run.demos"))
-    for number in (1, 3):  # in the middle of a round: flying, learning or between
-        child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_rounds", str(run), "dagger"])
-        while not list((run / "rounds").glob(f"{number:03d}*/flights*")) and child.poll() is None:
-            time.sleep(0.002)
-        time.sleep(rng.uniform(0.0, 0.2))
-        child.kill()
-        ends.append(child.wait())
-    assert -signal.SIGKILL in ends, "every child finished before its kill; the test showed nothing"
-    train(run, DAGGER, demos)
-    same_end(run, whole)
 
 
 @pytest.mark.parametrize("number", [0, 1, 3])

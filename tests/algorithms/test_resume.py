@@ -96,12 +96,6 @@ def test_sigterm_ends_a_process_with_143(tmp_path: Path, whole: Path, demos: lis
     assert_same_end(run, whole)
 
 
-@pytest.mark.slow
-def test_killed_at_twenty_random_moments(tmp_path: Path, whole: Path, demos: list[Episode]) -> None:
-    for i in range(5):
-        kill_and_finish(tmp_path / str(i), whole, demos, np.random.default_rng(100 + i), kills=4)
-
-
 @pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, SystemExit)])
 def test_a_signal_lets_the_step_end_and_saves_it(
     tmp_path: Path,

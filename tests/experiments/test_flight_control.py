@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.errors import InvalidValueError
-from experiments.common.figures import mismatch_lines
 from experiments.controllers.steps import step_figures
 from experiments.controllers.study import Controllers
 from experiments.flight_control.manoeuvres import (
@@ -26,7 +23,6 @@ from experiments.flight_control.manoeuvres import (
     response_of,
 )
 from experiments.flight_control.pilots import LawPilot, PolicyPilot
-from experiments.flight_control.tables import MASSES, MOTORS, by_mismatch
 
 SEEDS = np.array([10_000, 10_001])
 TIMES = 0.02 * np.arange(1, 201)
@@ -99,18 +95,6 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
     assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
 
 
-def test_a_pilot_that_crashes_is_drawn_hollow() -> None:
-    def flown(crashed: float) -> dict[str, dict[str, object]]:
-        kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
-        return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}
-
-    drawn = by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
-    assert [crashed for _, _, crashed in drawn["pid"]] == [False] * 7
-    assert [crashed for _, _, crashed in drawn["ppo"]] == [True] * 7
-    assert drawn["sac"] == []
-    assert "<svg" in mismatch_lines({"mass": drawn})
-
-
 DT = 0.01
 
 
@@ -130,11 +114,6 @@ def test_a_second_order_system_is_that_of_the_textbook(damping: float) -> None:
     assert found.rise_s == pytest.approx((2.16 * damping + 0.60) / 4.0, rel=0.1), "a rule of thumb for 0.3 to 0.8"
     assert found.settling_s < 3.2 / (damping * 4.0)
     assert found.offset_percent < 0.1
-
-
-def test_a_response_that_does_not_settle_is_said_so() -> None:
-    with pytest.raises(InvalidValueError, match=r"does not settle within 1 s: it ends at 50 %"):
-        step_figures(np.linspace(0.0, 0.5, 100), DT)
 
 
 def test_every_law_has_its_row_its_steps_and_its_tracking(tmp_path: Path) -> None:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 from experiments.common.record import Record
 from experiments.gail import ratios
-from experiments.gail import study as gail
 from experiments.gail.ratios import LIKE
 from experiments.gail.study import Gail, Point
 
@@ -18,38 +16,6 @@ from experiments.gail.study import Gail, Point
 def result(*returns: float) -> Any:
     """Stand in for an evaluation."""
     return SimpleNamespace(episodes=[SimpleNamespace(return_=value, success=value > 50) for value in returns])
-
-
-def test_every_task_has_learners_and_both_controls() -> None:
-    study = Gail(outside=("Hopper-v5",), suite={"reach": 250}, seeds=2, methods=("dac", "gail"))
-    points = study.points()
-    assert Point("Hopper-v5", "gail", "none", 1) in points
-    assert {p.method for p in points if p.task == "Hopper-v5"} == {"dac", "gail", gail.CLONE}
-    assert {p.method for p in points if p.task == "reach"} == {"gail", gail.CLONE}
-    assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
-    assert len({p.place for p in points}) == len(points)
-    assert [p.seed for p in points] == sorted(p.seed for p in points)
-    apart = replace(study, apart={"Hopper-v5": {"seeds": 1, "controls": 0}}).points()
-    assert {(p.control, p.seed) for p in apart if p.task == "Hopper-v5"} == {("none", 0)}
-    assert [p for p in apart if p.task == "reach"] == [p for p in points if p.task == "reach"]
-
-
-def test_a_learner_is_told_its_task_and_its_control() -> None:
-    study = Gail(
-        apart={"reach": {"steps": 123}},
-        subsample=20,
-        suite_gail={"demonstrations": {"bounds": "demonstrations"}, "rollout": {"steps": 64}, "bc_pretrain_steps": 9},
-    )
-    own = study.learner_of(Point("reach", "gail", "constant_reward", 0))
-    shown = own.demonstrations
-    assert (own.steps, shown.subsample, shown.bounds, shown.control) == (123, 1, "demonstrations", "constant_reward")
-    clone = study.learner_of(Point("reach", gail.CLONE, "none", 0))
-    assert (clone.steps, clone.warmup, clone.bc_pretrain_steps) == (64, 64, 9), "reinforcement never moves it"
-    outside = study.learner_of(Point("Hopper-v5", "dac", "none", 0))
-    shown = outside.demonstrations
-    assert (shown.subsample, shown.bounds, shown.control) == (20, "environment", "none")
-    clone = study.learner_of(Point("Hopper-v5", gail.CLONE, "none", 0))
-    assert clone.steps < clone.warmup, "nor here"
 
 
 def test_trainings_differ_in_demonstrations_and_worlds(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from experiments.common.demonstrations import Source
 from experiments.common.stages import Cloned
 from experiments.experts import study as experts
 from experiments.experts.study import distinct
-from experiments.hg_dagger.study import HgDagger
 from experiments.human_data.study import TEACHERS, ClonedDriver, HumanData
 from experiments.imitation import study as imitation
 from experiments.imitation.study import Flight, Imitation
@@ -148,12 +147,3 @@ def test_only_the_drivers_arm_is_suited_to_hands() -> None:
         assert (other.algorithm.waypoints, other.policy.relative) == (BC.waypoints, False)
     assert driver.driven == recorded.driven
     assert {training.policy.name for training in found.values()} == {"flow"}
-
-
-def test_all_rounds_of_taking_over_are_suited_to_hands() -> None:
-    study = HgDagger()
-    assert study.algorithm.training == study.learner[0]
-    assert study.learner[0].waypoints == SUITED
-    assert study.learner[1].relative
-    plain = HgDagger(by_hand=False)
-    assert plain.learner == (plain.training, plain.policy)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 
@@ -15,9 +14,7 @@ from experiments.panda import study as panda
 from experiments.panda.study import PUSH, REACH, Arm, Panda
 from experiments.sb3.cells import Cell, cells
 from experiments.sb3.study import Sb3, interval_ends, table_rows, targets_of, times_sooner
-from experiments.sb3.theirs import INSTALLED, Found, keywords, schedule
-
-needs_sb3 = pytest.mark.skipif(not INSTALLED, reason="Stable-Baselines3 is not installed")
+from experiments.sb3.theirs import Found
 
 
 @pytest.mark.parametrize("name", cells())
@@ -95,18 +92,6 @@ def test_flights_of_the_mean_stand_beside_training() -> None:
     assert (theirs["return"], theirs["exploring"], theirs["steps"]) == (4.0, None, None), "no episode ended on the way"
 
 
-def test_settings_of_the_authors_collection_are_understood() -> None:
-    assert schedule("lin_0.2")(0.5) == 0.1
-    assert schedule("auto") == "auto"
-
-
-@needs_sb3
-def test_noise_is_named_by_its_deviation() -> None:
-    asked = keywords({"noise": 0.5, "gamma": 0.9}, gymnasium.spaces.Box(-1, 1, (2,)))
-    assert sorted(asked) == ["action_noise", "gamma"]
-    assert np.shape(asked["action_noise"]()) == (2,)
-
-
 def test_a_cell_of_the_suite_is_the_same_on_both_sides() -> None:
     cell: Cell = cells()["ppo_reach"]
     world, batch = cell.maker()(), cell.learned().open(1)
@@ -128,12 +113,6 @@ def test_curves_of_ours_are_means_of_as_many_episodes_as_theirs() -> None:
     assert mean_of_last(ended[:2]) == pytest.approx(0.8 * 10.0 + 0.2 * 40.0)
     assert mean_of_last(ended) == pytest.approx(0.75 * 10.0 + 0.2 * 40.0 + 0.05 * 100.0)
     assert mean_of_last(ended[1:]) == pytest.approx(0.8 * 40.0 + 0.2 * 100.0), "all there were"
-
-
-def test_every_algorithm_is_trained_with_every_seed() -> None:
-    planned = Panda(seeds=2, pushes=1).trainings()
-    assert [arm for arm, seed in planned if seed == 1] == [Arm(REACH, name) for name in ("ddpg", "td3", "sac")]
-    assert [seed for arm, seed in planned if arm == Arm(PUSH, "sac")] == [0]
 
 
 def test_every_target_of_panda_can_be_missed() -> None:

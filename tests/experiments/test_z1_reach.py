@@ -12,7 +12,7 @@ from aerial_il.algorithms.sac import SAC
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Observation
 from experiments.z1_reach.holding import held, hold
-from experiments.z1_reach.study import Arm, Z1Reach
+from experiments.z1_reach.study import Z1Reach
 
 HINDSIGHT = build(SAC, {"hindsight": {"goals": 4}})
 STUDY = Z1Reach(seeds=2, sac=HINDSIGHT, smooth=replace(SAC().smoothness, temporal=1.0))
@@ -26,11 +26,6 @@ def test_every_algorithm_is_tried_everywhere() -> None:
         assert plain in arms
         assert replace(STUDY.learner(arm), smoothness=SAC().smoothness) == STUDY.learner(plain)
         assert STUDY.learner(arm).smoothness.temporal == 1.0
-
-
-def test_hindsight_is_for_the_sparse_reward() -> None:
-    assert STUDY.learner(Arm("velocity", "sparse", "sac", False)).hindsight.goals == 4
-    assert STUDY.learner(Arm("velocity", "dense", "sac", False)).hindsight.goals == 0
 
 
 def test_swinging_is_told_from_resting_and_drifting() -> None:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import aerial_il
-from aerial_il import robots
 from aerial_il.control import controller_state as layout
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -46,13 +45,6 @@ def test_names_are_canonical() -> None:
     assert tiers.get("gusts+latency-noise").name == tiers.get("gusts-noise+latency").name == "gusts+latency-noise"
     assert tiers.get("calm+wind-wind") == tiers.get("calm")
     assert tiers.get(tiers.get("hard-noise-wind").name) == tiers.get("hard-noise-wind")
-
-
-def test_noise_scales_the_errors_of_the_estimate() -> None:
-    robot = robots.get("quad")
-    once, more = (tiers.get(name).parts["noise"].numbers(robot) for name in ("gusts", "hard"))
-    assert once == {"position": 0.002, "velocity": 0.01, "attitude": 0.003, "rate": 0.01, "time": 0.1}
-    assert more == pytest.approx({"position": 0.003, "velocity": 0.015, "attitude": 0.0045, "rate": 0.015, "time": 0.1})
 
 
 def test_a_tier_is_fixed_and_describes_itself_in_plain_values() -> None:

@@ -200,19 +200,6 @@ def test_an_environment_that_does_not_repeat_itself_is_told() -> None:
         again.restore(flight.snapshot())
 
 
-def test_ends_are_told_from_cuts() -> None:
-    layout = Layout.of(drift.SPEC, POLICY)
-    for ends in (False, True):
-        env = Drift(20, ends_at_success=ends)
-        flight = Collector(env, layout, seed=0)
-        ended = [flight.step(drift.guide(env._observe())) for _ in range(drift.MAX_STEPS)]
-        assert np.any([step.terminal for step in ended]) == ends
-        assert np.any([step.truncated for step in ended]) != ends
-    flight = Collector(Drift(4), layout, seed=0)
-    out = [flight.step(np.full((4, 1), 0.5)) for _ in range(drift.MAX_STEPS)]
-    assert np.any([step.terminal for step in out])
-
-
 def test_an_action_that_is_not_finite_is_told_by_seed_and_step() -> None:
     flight = Collector(Drift(2), Layout.of(drift.SPEC, POLICY), seed=0)
     flight.step(np.zeros((2, 1)))

@@ -95,11 +95,6 @@ def test_to_be_paid_for_living_is_no_control_of_it(name: str) -> None:
         short(name, control="constant_reward")
 
 
-@each
-def test_with_random_flights_in_their_place_it_runs(tmp_path: Path, name: str) -> None:
-    train(short(name, control="random_actions"), tmp_path, demonstrations(4))
-
-
 def test_a_demonstration_is_paid_as_its_flight_would_be() -> None:
     """Step by step as by the collector, penalties too; sparse, for the step that ends it."""
     scheme = RewardScheme(smoothness=replace(NO_SMOOTHNESS, rate_penalty=0.3, jerk_penalty=0.1))

@@ -161,22 +161,6 @@ def test_a_launcher_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:
     assert "add -m" in capsys.readouterr().err
 
 
-def test_a_board_in_a_log_tells_what_jobs_said_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("aerial_il.cli.sweeps.board._LINES_EVERY_S", 0.0)
-    job = Job("train", (), str(tmp_path))
-    job.log.write_bytes(b"begun\ntrain: 10 %\rtrain: 20 %\n")
-    board = Board([job])
-    board.started(job)
-    board.refresh()
-    assert "train: 20 %" in capsys.readouterr().err
-    job.log.write_bytes(b"aerial-il: the reason\nlast words\n")
-    board.ended(job, 2)
-    assert board.failed[0].reason == "the reason"
-    assert board.status == 2
-
-
 def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     job = collect(tmp_path / "orphan", "episodes=5000")
     process = jobs_of.start(job, threads=1, cores=1)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-import re
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from aerial_il.core.errors import InvalidValueError
 from experiments.common.columns import markdown
-from experiments.common.figures import mismatch_lines
 from experiments.common.page import save_study
 from experiments.common.report import Report, Target
 from experiments.from_prior.lines import looks_of
@@ -73,12 +70,6 @@ def test_a_study_says_what_was_measured_how_and_where(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-def test_a_study_too_large_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match="bytes"):
-        save_study(replace(REPORT, figures={"big.svg": "x" * 300_000}), tmp_path, command="one")
-    assert not list(tmp_path.iterdir())
-
-
 def cells(*rows: dict[str, Any]) -> list[dict[str, str]]:
     """What a table shows: for each row title -> cell."""
     head, _, *lines = ([cell.strip() for cell in line.strip("| ").split(" |")] for line in markdown(rows).splitlines())
@@ -119,17 +110,7 @@ def final(arm: str, flown: int = 1000) -> dict[str, Any]:
     return {"arm": arm, "task": CELL[0], "demos": CELL[1], "flown": flown, **ends}
 
 
-def texts(svg: str) -> set[str]:
-    return set(re.findall(r">([^<>\n]+)</text>", svg))
-
-
 def test_no_two_arms_look_alike() -> None:
     looks = looks_of([*(final(arm) for arm in ARMS), *(final(arm, flown=0) for arm in CLONES)])
     assert len({(look.colour, look.marker) for look in looks.values()}) == len({look.colour for look in looks.values()})
     assert len({look.marker for look in looks.values()}) == len(ARMS) + len(CLONES)
-
-
-@pytest.mark.parametrize("crashed", [True, False])
-def test_hollow_points_are_explained_where_there_are_any(crashed: bool) -> None:
-    shown = texts(mismatch_lines({"mass": {"ppo": [(1.0, 2.0, False), (1.2, 3.0, crashed)]}}))
-    assert any("crashed" in text for text in shown) == crashed

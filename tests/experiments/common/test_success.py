@@ -56,14 +56,6 @@ def test_each_size_takes_the_first_of_its_draw(report: Report, folder: Path) -> 
         assert [episode.provenance["seed"] for episode in demos] == [100_000 * draw, 100_000 * draw + 1]
 
 
-def test_what_is_done_is_not_done_again(report: Report, folder: Path) -> None:
-    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-    again = TINY.run(folder, progress=False)
-    assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert again.tables == report.tables
-    assert again.wall_time_s == report.wall_time_s
-
-
 def test_a_lost_stage_is_done_again_with_the_same_result(report: Report, folder: Path) -> None:
     for file in folder.glob("evaluations/*/*/2/1/calm-*/evaluation.json"):
         file.unlink()

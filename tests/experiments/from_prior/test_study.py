@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
-
-import pytest
 
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
-from aerial_il.algorithms.filtered_bc import FilteredBC
-from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.core.settings import changed
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
-from experiments.common import practised
 from experiments.common.demonstrations import Source
 from experiments.common.practised import Continued, Practised
 from experiments.common.record import digest
@@ -28,23 +20,6 @@ from experiments.from_prior_big_four.study import FromPriorBigFour
 
 ITERATED = "expert_iteration"
 CLONING = BC(steps=10, batch_size=16)
-ROUNDS: dict[str, Any] = {"rounds": 2, "episodes": 2, "training": CLONING, "between_steps": 5, "evaluate_every": 0}
-SMALL: dict[str, Any] = {
-    "policy": MLP(hidden=(16,)),
-    "cloning": CLONING,
-    "beginning": replace(CLONING, field_dropout=0.6),
-    "practising": {
-        ITERATED: ExpertIteration(**{**ROUNDS, "training": replace(CLONING, validation=0.0)}, attempts=2),
-        "filtered_bc": FilteredBC(**ROUNDS),
-    },
-    "starts": {"reach": (2,)},
-    "many": 3,
-    "harder": "hard",
-    "draws": (0,),
-    "episodes": 1,
-    "num_envs": 1,
-    "threads": 1,
-}
 
 
 def rows_of(arm: str, percent: float, harder: float, minutes: float = 60.0) -> list[dict[str, Any]]:
@@ -110,48 +85,6 @@ def test_the_shipped_study_flies_the_shipped_algorithms() -> None:
         assert getattr(algorithm, "reward", "sparse") == "sparse"
 
 
-def test_a_task_can_have_settings_of_its_own() -> None:
-    changes = {
-        "dapg": {"exploration": {"noise": 0.1}},
-        "expert_iteration": {"training": {"steps": 5}},
-        "beginning": {"steps": 3},
-    }
-    study = FromPrior(
-        starts={"reach": (2,), "hover": (2,)},
-        arms=("dapg", "residual", "expert_iteration"),
-        draws=(0,),
-        suited={"hover": changes},
-    )
-    arms = {(a.name, a.training.source.task): a.training for a in study.all_arms()}
-    usual: Any = study.practising
-    assert arms["dapg", "hover"].algorithm == changed(usual["dapg"], changes["dapg"])
-    rounds = usual["expert_iteration"]
-    assert arms[ITERATED, "hover"].algorithm == replace(rounds, training=replace(rounds.training, steps=5))
-    assert all(arms[name, "reach"].algorithm == usual[name] for name in study.arms)
-    assert arms["residual", "hover"].algorithm == usual["residual"]
-    begun = replace(study.beginning, steps=3)
-    assert arms[BEGINNING, "hover"].algorithm == arms["dapg", "hover"].beginning.algorithm == begun
-    assert arms[BEGINNING, "reach"].algorithm == arms["dapg", "reach"].beginning.algorithm == study.beginning
-
-
-def test_practice_can_go_on_from_other_practice() -> None:
-    study = FromPrior(
-        starts={"reach": (2,), "pick_place": (2,)},
-        arms=(ITERATED, "bc_ppo", "rlpd"),
-        draws=(0,),
-        begun_by={"pick_place": ITERATED},
-        only_from={},
-        suited={"pick_place": {ITERATED: {"rounds": 3}}},
-    )
-    arms: Any = {(a.name, a.training.source.task): a.training for a in study.all_arms()}
-    begun = arms["bc_ppo", "pick_place"].prior
-    assert digest(begun.decided_by()) == digest(arms[ITERATED, "pick_place"].decided_by()), "of the arm beside it"
-    assert isinstance(arms["bc_ppo", "reach"].prior, Cloned)
-    assert arms["rlpd", "pick_place"].prior is None
-    assert (BEGINNING, "pick_place") not in arms, "nothing begins with that clone"
-    assert (BEGINNING, "reach") in arms
-
-
 def test_practice_starts_from_the_clone_in_the_table() -> None:
     arms = {arm.name: arm.training for arm in FromPrior(starts={"reach": (2,)}, draws=(0,)).all_arms()}
     hiding = digest(arms[BEGINNING].decided_by())
@@ -190,36 +123,3 @@ def test_whatever_practice_begins_with_decides_it() -> None:
     ]
     trainings = [Continued("dapg", source, 2, MLP(), DAPG(), begun) for begun in beginnings]
     assert len({digest(training.decided_by()) for training in trainings}) == len(beginnings)
-
-
-@pytest.mark.slow
-def test_continued_practice_starts_from_its_clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All of them, from one clone, once, beside the two that have none."""
-    monkeypatch.setattr(practised, "WATCHED_FLIGHTS", 2)
-    small = {"steps": 128, "warmup": 64, "cadence": {"log_every": 64}, "trial": {"flights": 0}}
-    small |= {"rollout": {"steps": 64, "batch_size": 16}, "critic_hidden": (8,)}
-    small |= {"replay": {"batch_size": 16}, "critics": {"count": 2, "hidden": (8,)}, "subset": 1}
-    usual = FromPrior().practising
-    arms = {
-        name: changed(algorithm, {key: value for key, value in small.items() if hasattr(algorithm, key)})
-        for name, algorithm in usual.items()
-        if isinstance(algorithm, Algorithm)
-    }
-    small_study = {**SMALL, "practising": arms, "only_from": {}, "watched": 2}
-    report = FromPrior(**small_study).run(tmp_path, progress=False)
-    flown = {row["arm"]: row["flown"] for row in report.tables["Success"]}
-    assert [flown[name] for name in arms] == [128] * 7
-    clones = {run.parent for run in tmp_path.glob("training/bc/*/2/*/metrics.jsonl")}
-    assert len(clones) == 2, "the one that stands by itself, and the one that all begin with"
-    dips = {row["arm"]: row for row in report.tables["Dips"]}
-    assert {name for name, row in dips.items() if row["dip"] is None} == {"rlpd", "ppo"}, "nothing to fall below"
-    assert dips["jsrl"]["exploring_dip"] is None, "a guide begins its episodes"
-    judged = json.loads(
-        next(tmp_path.glob("training/bc_ppo/**/config.yaml")).with_name("metrics.jsonl").read_text().splitlines()[0]
-    )
-    assert (judged["step"], judged["evaluate/episodes"]) == (0, 2), "the prior is flown first"
-    assert set(report.figures) == {"by_steps.svg", "by_minutes.svg"}
-    kept = report.details["on_the_way"]
-    assert len(kept) == 5, "of those that begin with a prior"
-    assert all(training["flown"] == [0, 64, 128] for training in kept.values())
-    assert {len(training["percent"]) for training in kept.values()} == {3}

@@ -15,10 +15,10 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.input.mapping import MOTIONS, Intent
-from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, tilt_of, within_fence
+from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, within_fence
 from aerial_il.teleop.piloting.command import Command, modes_of
 from aerial_il.teleop.piloting.pilot import ManualPilot
-from aerial_il.teleop.piloting.shaping import ACCELERATION, BRAKING, DEAD_ZONE, Shaper, expo, without_dead_zone
+from aerial_il.teleop.piloting.shaping import ACCELERATION, BRAKING, DEAD_ZONE, Shaper, without_dead_zone
 from tests.teleop.hands import first, schedule, shipped, world
 
 SCRIPT = schedule(
@@ -132,12 +132,6 @@ def test_the_fence_slows_and_holds() -> None:
     assert within_fence((9.0, -9.0, -1.0)) == (3.0, -3.0, 0.03)
 
 
-def test_tilt() -> None:
-    level, quarter = [1.0, 0, 0, 0, 1.0, 0], [0.0, 0, -1.0, 0, 1.0, 0]
-    assert tilt_of(level) == 0.0
-    assert tilt_of(quarter) == pytest.approx(np.pi / 2)
-
-
 @pytest.mark.parametrize("level", ["rotor", "ctbr", "ee_poses"])
 def test_levels_that_nobody_can_fly_are_refused(level: str) -> None:
     env = world()
@@ -196,9 +190,3 @@ def test_shaped_motions_stay_in_bounds_and_never_jump(script: list) -> None:
         assert all(-1.0 <= value <= 1.0 for value in after.values())
         assert all(abs(after[m] - before[m]) <= max(ACCELERATION, BRAKING) + 1e-12 for m in MOTIONS)
         before = dict(after)
-
-
-def test_expo_keeps_the_ends_and_is_fine_in_the_middle() -> None:
-    assert expo(1.0) == 1.0
-    assert expo(-1.0) == -1.0
-    assert 0.0 < expo(0.2) < 0.2

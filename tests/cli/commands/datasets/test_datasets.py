@@ -59,13 +59,6 @@ def test_d4rl_s_is_flat(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert main(["train", "dataset=flat.hdf5", "run=run", "algorithm.steps=2", "policy.hidden=[8]", QUIET]) == 0
 
 
-@pytest.mark.slow
-def test_an_rrd_is_rerun_s(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
-    assert main(["convert", "demos", "out=seen/flights.rrd", QUIET]) == 0
-    assert Path("seen/flights.rrd").read_bytes()[:4] == b"RRF2"
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
