@@ -18,7 +18,7 @@ from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.rotorcraft import ReadRotorcraft, read_rotorcraft
 from aerial_il.robots.parts.gripper import NO_GRIPPER
 from aerial_il.robots.robot import Robot
-from tests.contract import test_scene, test_solvable
+from tests.contract import test_feasibility, test_scene
 from tests.contract.test_feasibility import register, solved
 from tests.project.test_examples import FILE, found_beside_ours
 from tests.robots import test_figures, test_robots
@@ -64,8 +64,8 @@ def test_it_is_what_a_robot_of_ours_must_be() -> None:
 def test_its_expert_solves_the_task_and_nothing_else_does(task: str) -> None:
     test_scene.test_every_element_has_a_name("gull", task)
     test_scene.test_the_stored_scene_compiles_to_the_same_model("gull", task)
-    test_solvable.test_the_expert_solves_it("gull", task, "calm")
-    test_solvable.test_random_actions_do_not("gull", task)
+    test_feasibility.test_the_expert_solves_it("gull", task, "calm")
+    test_feasibility.test_random_actions_do_not("gull", task)
 
 
 def test_it_picks_and_places_in_gusts() -> None:
