@@ -47,10 +47,10 @@ def by_lamplight(count: int) -> list[Episode]:
 
 
 def trained(run: Path, *, seed: int = 3, env: Any = None, **settings: Any) -> Path:
-    usual = {"training": FEW, "between_steps": 300, "rounds": 2, "episodes": STARTS, "attempts": 4, "hold": 1e3}
-    usual["demos_share"] = 0.02
+    default = {"training": FEW, "between_steps": 300, "rounds": 2, "episodes": STARTS, "attempts": 4, "hold": 1e3}
+    default["demos_share"] = 0.02
     options = {"env": env or Lamplit(8, ends_at_success=True), "collect": collect, "seed": seed, "progress": False}
-    ExpertIteration(**{**usual, **settings}).train(by_lamplight(12), POLICY, run=run, **options)
+    ExpertIteration(**{**default, **settings}).train(by_lamplight(12), POLICY, run=run, **options)
     return run
 
 

@@ -118,13 +118,13 @@ def test_bare_words_fill_keys_and_json_is_a_flag() -> None:
 
 def test_a_sweep_gives_each_job_a_folder_of_its_own() -> None:
     words = ["-m", "seed=0,1", "policy=mlp,act", "dataset=few,all", "policy.hidden=[8,8]", "run=top"]
-    found = points(TRAIN, prepare(TRAIN, words))
-    assert [folder for _, folder in found][:2] == [
+    result = points(TRAIN, prepare(TRAIN, words))
+    assert [folder for _, folder in result][:2] == [
         "top/seed=0,policy=mlp,dataset=few",
         "top/seed=0,policy=mlp,dataset=all",
     ]
-    assert len(found) == 8
-    settings = settings_of(TRAIN, [*found[0][0], "seed=3"])
+    assert len(result) == 8
+    settings = settings_of(TRAIN, [*result[0][0], "seed=3"])
     assert (settings.run, settings.seed, settings.dataset.episodes) == ("top/seed=0,policy=mlp,dataset=few", 3, 25)
     with pytest.raises(InvalidValueError, match="run cannot be swept"):
         points(TRAIN, prepare(TRAIN, ["-m", "run=a,b"]))

@@ -75,11 +75,11 @@ def check(task: str, judge: Callable[[BatchEnvironment], np.ndarray], placements
     count: dict[str, list[np.ndarray]] = {name: [] for name in rule.families}
     for round_ in range(placements // WORLDS):
         placed = stage.scatter(rule.families, 1000 * round_, rng)
-        expected, found = rule.predicate(placed), judge(stage.env)
+        expected, result = rule.predicate(placed), judge(stage.env)
         for k, name in enumerate(rule.families):
             rows = stage.family == k
-            wrong = rows & (expected != found)
-            assert not wrong.any(), f"{name}: the task says {found[wrong][0]}, the instruction {expected[wrong][0]}"
+            wrong = rows & (expected != result)
+            assert not wrong.any(), f"{name}: the task says {result[wrong][0]}, the instruction {expected[wrong][0]}"
             count[name].append(expected[rows])
     for name, (outcome, _) in rule.families.items():
         share = np.concatenate(count[name]).mean()
@@ -177,8 +177,8 @@ class Stage:
     def where(self, rows: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (k, 3) and attitude (k, 3, 3) of a body as the states stand."""
         self.worlds.forward()
-        found = [self.worlds.data(row).body(body) for row in rows]
-        return np.array([b.xpos.copy() for b in found]), np.array([b.xmat.reshape(3, 3).copy() for b in found])
+        result = [self.worlds.data(row).body(body) for row in rows]
+        return np.array([b.xpos.copy() for b in result]), np.array([b.xmat.reshape(3, 3).copy() for b in result])
 
 
 class Placed:
@@ -218,12 +218,12 @@ class Placed:
     @cached_property
     def pairs(self) -> list[set[tuple[str, str]]]:
         """Names of the bodies that touch, both ways round, in each world."""
-        found = []
+        result = []
         for data in self._datas:
             bodies = self._model.geom_bodyid[data.contact.geom]
             named = [(self._model.body(a).name, self._model.body(b).name) for a, b in bodies]
-            found.append({*named, *((b, a) for a, b in named)})
-        return found
+            result.append({*named, *((b, a) for a, b in named)})
+        return result
 
     @property
     def untouched(self) -> np.ndarray:

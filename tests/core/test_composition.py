@@ -122,8 +122,13 @@ def test_a_preset_stands_below_what_is_said(tmp_path: Path, monkeypatch: pytest.
         (tmp_path / f"{name}.yaml").write_text(text)
     monkeypatch.setattr(presets, "folder", lambda: tmp_path)
     quick = {"out": "o", "experiment": "quick"}
-    found = build(Job, {**quick, "seed": 6, "place": {"name": "far", "path": "p"}})
-    assert (found.seed, found.steps, found.policy, found.place) == (6, 9, MLP(hidden=(8,)), Place(path="p", count=7))
+    result = build(Job, {**quick, "seed": 6, "place": {"name": "far", "path": "p"}})
+    assert (result.seed, result.steps, result.policy, result.place) == (
+        6,
+        9,
+        MLP(hidden=(8,)),
+        Place(path="p", count=7),
+    )
     assert build(Job, {**quick, "policy": "wide"}).policy == MLP(hidden=(8,))
     assert build(Job, {"out": "o", "policy": "act"}).policy == ACT(chunk=33)
     assert build(Job, {"out": "o", "place": Path("far")}).place == Place(path="far")
@@ -142,13 +147,13 @@ def test_settings_lead_to_plain_values_and_back() -> None:
 
 
 def test_keys_have_defaults_and_meanings() -> None:
-    found = {key.name: key for key in keys(Job)}
+    result = {key.name: key for key in keys(Job)}
     assert meanings(Place)["count"] == "how many, over two lines."
-    assert (found["seed"].meaning, found["seed"].default) == ("numbers.", "0")
-    assert (found["out"].default, found["prior"].default, found["prior.path"].default) == ("", "null", "null")
-    assert {found[name].takes for name in ("place", "prior")} == {"place"}
-    assert (found["policy"].takes, found["policy"].kind, found["robot"].kind) == ("choice", "policy", "robot")
-    assert (found["sizes"].default, found["kind"].options) == ("[3]", ("short", "long"))
+    assert (result["seed"].meaning, result["seed"].default) == ("numbers.", "0")
+    assert (result["out"].default, result["prior"].default, result["prior.path"].default) == ("", "null", "null")
+    assert {result[name].takes for name in ("place", "prior")} == {"place"}
+    assert (result["policy"].takes, result["policy"].kind, result["robot"].kind) == ("choice", "policy", "robot")
+    assert (result["sizes"].default, result["kind"].options) == ("[3]", ("short", "long"))
 
 
 @dataclass

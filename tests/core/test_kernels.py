@@ -78,8 +78,8 @@ def _file(module: str, name: str) -> Path:
 
 
 @kernels.kernel
-def _add_up(pair, found):
-    found[0] = pair.first.sum() + pair.second
+def _add_up(pair, result):
+    result[0] = pair.first.sum() + pair.second
 
 
 class _Pair(NamedTuple):
@@ -88,13 +88,13 @@ class _Pair(NamedTuple):
 
 
 def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
-    found, pair = np.zeros(1), _Pair(np.arange(3.0), 4.0)
-    entry = kernels.entry_of(_add_up, pair, found)
-    assert found[0] == 0.0, "making it runs nothing"
-    entry(_Pair(np.arange(5.0), 0.5), found)
-    assert found[0] == 10.5
+    result, pair = np.zeros(1), _Pair(np.arange(3.0), 4.0)
+    entry = kernels.entry_of(_add_up, pair, result)
+    assert result[0] == 0.0, "making it runs nothing"
+    entry(_Pair(np.arange(5.0), 0.5), result)
+    assert result[0] == 10.5
     with pytest.raises(TypeError):
-        entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)
+        entry(_Pair(np.arange(3, dtype=np.float32), 4.0), result)
 
 
 def test_a_kernel_elsewhere_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:

@@ -148,12 +148,12 @@ def test_a_control_that_never_sees_a_reward_flies_all_its_steps(tmp_path: Path) 
 
 
 def test_both_targets_can_be_missed() -> None:
-    usual = {"steps": 1, "trainings": 1, "success": 1, "episodes": 1, "flights_low": 0.0, "flights_high": 100.0}
-    usual |= {"trainings_low": None, "trainings_high": None, "worst": 0.0, "best": 0.0}
+    default = {"steps": 1, "trainings": 1, "success": 1, "episodes": 1, "flights_low": 0.0, "flights_high": 100.0}
+    default |= {"trainings_low": None, "trainings_high": None, "worst": 0.0, "best": 0.0}
 
     def verdicts(asked: float, control: float) -> list[bool | None]:
         percents = {ASKED: asked, CONTROL: control}
-        rows = {Arm("door", name, "environment"): {**usual, "percent": value} for name, value in percents.items()}
+        rows = {Arm("door", name, "environment"): {**default, "percent": value} for name, value in percents.items()}
         return [target.met for target in targets_of(rows)]
 
     assert verdicts(80.0, 5.0) == [True, True]

@@ -30,10 +30,10 @@ TIMES = 0.02 * np.arange(1, 201)
 
 def test_the_offset_under_too_much_mass_is_what_the_gains_say() -> None:
     """Without an observer a constant force f leaves f / (m kp); see docs/controllers.md."""
-    found = hold(LawPilot("geometric"), "calm", SEEDS, threads=1, mismatch=Mismatch(mass=1.3))
-    assert found.rmse_cm == pytest.approx(100.0 * 0.3 * GRAVITY / 20.0, rel=0.06)
-    assert found.power == pytest.approx(1.3**1.5, rel=0.02)
-    assert found.crashed == 0.0
+    result = hold(LawPilot("geometric"), "calm", SEEDS, threads=1, mismatch=Mismatch(mass=1.3))
+    assert result.rmse_cm == pytest.approx(100.0 * 0.3 * GRAVITY / 20.0, rel=0.06)
+    assert result.power == pytest.approx(1.3**1.5, rel=0.02)
+    assert result.crashed == 0.0
 
 
 def test_a_weak_motor_is_met_by_that_motor_alone() -> None:
@@ -91,8 +91,8 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
     away = np.full((100, 2), 0.01)
     away[50:, 1] = np.nan
     thrust = np.where(np.isnan(away)[..., None], np.nan, 5.0) * np.ones(4)
-    found = held(away, away, thrust, 20.0, np.array([False, True]))
-    assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
+    result = held(away, away, thrust, 20.0, np.array([False, True]))
+    assert result == Held(1.0, 0.57, 1.0, 0.0, 0.5)
 
 
 DT = 0.01
@@ -108,12 +108,12 @@ def second_order(damping: float, omega: float = 4.0) -> np.ndarray:
 
 @pytest.mark.parametrize("damping", [0.4, 0.6, 0.8])
 def test_a_second_order_system_is_that_of_the_textbook(damping: float) -> None:
-    found = step_figures(second_order(damping), DT)
+    result = step_figures(second_order(damping), DT)
     overshoot = 100.0 * np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
-    assert found.overshoot_percent == pytest.approx(overshoot, abs=0.1)
-    assert found.rise_s == pytest.approx((2.16 * damping + 0.60) / 4.0, rel=0.1), "a rule of thumb for 0.3 to 0.8"
-    assert found.settling_s < 3.2 / (damping * 4.0)
-    assert found.offset_percent < 0.1
+    assert result.overshoot_percent == pytest.approx(overshoot, abs=0.1)
+    assert result.rise_s == pytest.approx((2.16 * damping + 0.60) / 4.0, rel=0.1), "a rule of thumb for 0.3 to 0.8"
+    assert result.settling_s < 3.2 / (damping * 4.0)
+    assert result.offset_percent < 0.1
 
 
 def test_every_law_has_its_row_its_steps_and_its_tracking(tmp_path: Path) -> None:

@@ -30,27 +30,27 @@ def test_both_sides_have_the_same_network_and_batch(name: str) -> None:
     assert any((cell.wanted, cell.as_theirs, cell.sooner)), "a comparison without a target"
 
 
-def found(mean: float, when: float) -> Found:
+def result(mean: float, when: float) -> Found:
     """A side that reaches ``mean`` after ``when`` seconds and stays there."""
     return Found([mean] * 3, 10.0, [(1.0, when / 2, mean / 2), (2.0, when, mean), (3.0, 10.0, mean)])
 
 
 def test_sooner_is_the_time_to_what_both_reach() -> None:
-    assert times_sooner([(found(100.0, 2.0), found(100.0, 6.0))]) == [3.0]
-    assert times_sooner([(found(200.0, 2.0), found(100.0, 6.0))]) == [6.0], "ours was there with its first half"
-    assert times_sooner([(Found([1.0], 1.0, []), found(1.0, 1.0))]) is None
+    assert times_sooner([(result(100.0, 2.0), result(100.0, 6.0))]) == [3.0]
+    assert times_sooner([(result(200.0, 2.0), result(100.0, 6.0))]) == [6.0], "ours was there with its first half"
+    assert times_sooner([(Found([1.0], 1.0, []), result(1.0, 1.0))]) is None
 
 
 def test_every_target_can_be_missed() -> None:
     cell = replace(cells()["ppo_reach"], wanted=50.0, as_theirs=True)
-    better, worse = found(60.0, 2.0), found(40.0, 6.0)
+    better, worse = result(60.0, 2.0), result(40.0, 6.0)
     assert [target.met for target in targets_of("any", cell, [(better, worse)])] == [True, True, True]
     assert [target.met for target in targets_of("any", cell, [(worse, better)])] == [False, False, False]
 
 
 def test_who_is_sooner_may_fly_no_worse() -> None:
     """The return that both reach sooner is flown with exploration, which a policy may need."""
-    sooner = [Found([40.0] * 3, 10.0, found(60.0, 2.0).curve), found(50.0, 6.0)]
+    sooner = [Found([40.0] * 3, 10.0, result(60.0, 2.0).curve), result(50.0, 6.0)]
     targets = targets_of("any", cells()["ppo_reach"], [(sooner[0], sooner[1])])
     assert [(target.limit, target.met) for target in targets] == [(50.0, False), (2.0, True)]
     assert [target.what.partition(": ")[2] for target in targets] == [
@@ -73,7 +73,7 @@ def test_a_comparison_that_takes_long_is_made_with_fewer_seeds(tmp_path: Path, m
 
     def side(study: Sb3, cell: Cell, seed: int, stages: object) -> Found:
         made.append((cell.task, seed))
-        return found(cell.wanted or 1.0, 2.0)
+        return result(cell.wanted or 1.0, 2.0)
 
     monkeypatch.setattr(Sb3, "_ours", side)
     monkeypatch.setattr(Sb3, "_theirs", side)
@@ -116,8 +116,8 @@ def test_curves_of_ours_are_means_of_as_many_episodes_as_theirs() -> None:
 
 
 def test_every_target_of_panda_can_be_missed() -> None:
-    def verdicts(worst: float, found: float) -> list[bool | None]:
-        row = {"success": 1, "episodes": 1, "trainings": 1, "worst": worst, "return": found, "worst_return": found}
+    def verdicts(worst: float, result: float) -> list[bool | None]:
+        row = {"success": 1, "episodes": 1, "trainings": 1, "worst": worst, "return": result, "worst_return": result}
         return [target.met for target in panda.targets_of({Arm(REACH, "sac"): row, Arm(PUSH, "sac"): row})]
 
     assert verdicts(100.0, -1.9) == [True, True, True]

@@ -25,8 +25,8 @@ def test_what_was_told_must_be_there_and_whole(tmp_path: Path) -> None:
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 1
     file.write_bytes(raw)
-    found = found_rows(env, tmp_path, told)
-    assert (found["whole"], found["intact"]) == (0, False)
+    result = found_rows(env, tmp_path, told)
+    assert (result["whole"], result["intact"]) == (0, False)
 
 
 def test_targets_are_missed_by_what_misses_them() -> None:

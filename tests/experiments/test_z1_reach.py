@@ -31,11 +31,11 @@ def test_every_algorithm_is_tried_everywhere() -> None:
 def test_swinging_is_told_from_resting_and_drifting() -> None:
     steps = np.arange(100)
     swings, rests, drifts = (-1.0) ** steps, np.zeros(100), steps / 100
-    found = held(np.stack([swings, rests, drifts], 1)[:, None], np.full((100, 1), 0.01), 0.02)
+    result = held(np.stack([swings, rests, drifts], 1)[:, None], np.full((100, 1), 0.01), 0.02)
     each = [held(values[:, None, None], np.full((100, 1), 0.01), 0.02) for values in (swings, rests, drifts)]
     assert [one.reversals_hz for one in each] == [50.0, 0.0, 0.0]
     assert [one.change for one in each] == [2.0, 0.0, 0.01]
-    assert found.away_cm == 1.0
+    assert result.away_cm == 1.0
 
 
 class Shaking:

@@ -117,9 +117,9 @@ def targets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Target]:
 
 @pytest.mark.parametrize("kind", ALL)
 def test_a_mutated_file_is_refused_or_read_as_it_was(kind: str, targets: dict[str, Target], tmp_path: Path) -> None:
-    found = Counter(said for _, said in outcomes(kind, range(SHARE[kind]), targets[kind], tmp_path))
-    assert set(found) <= set(GOOD), found
-    assert found["refused"]
+    result = Counter(said for _, said in outcomes(kind, range(SHARE[kind]), targets[kind], tmp_path))
+    assert set(result) <= set(GOOD), result
+    assert result["refused"]
 
 
 def test_a_careless_reader_would_be_seen(targets: dict[str, Target], tmp_path: Path) -> None:
@@ -149,8 +149,8 @@ def test_a_file_in_which_hdf5_stays_for_ever_is_refused(
     number: int, targets: dict[str, Target], tmp_path: Path
 ) -> None:
     """Mutations that ``make fuzz`` found: in the second, what comes before the place raises."""
-    ((_, found),) = outcomes("hdf5", range(number, number + 1), targets["hdf5"], tmp_path)
-    assert found == "refused"
+    ((_, result),) = outcomes("hdf5", range(number, number + 1), targets["hdf5"], tmp_path)
+    assert result == "refused"
 
 
 @pytest.mark.slow

@@ -193,13 +193,13 @@ def test_a_crash_is_not_absorbed_where_rewards_teach() -> None:
     """Or what it brought last would be paid for ever."""
     demos = demonstrations(4, ends_at_success=True)
     crash = replace(demos[0], success=False, terminated=np.append(np.zeros(len(demos[0]) - 1, bool), True))
-    _, found, _ = read_transitions([crash, *demos[1:]], POLICY, trajectories=None, subsample=1, failures=True, seed=0)
-    assert found.terminal.sum() == 4
-    assert found.success.sum() == 3
+    _, result, _ = read_transitions([crash, *demos[1:]], POLICY, trajectories=None, subsample=1, failures=True, seed=0)
+    assert result.terminal.sum() == 4
+    assert result.success.sum() == 3
     interface = plain_interface(Layout(SPEC, ("position", "goal")), POLICY)
     for reward, ends in ((None, 3), (0.0, 4)):
-        rows = found.encoded(interface, absorbing=True, reward=reward)
-        assert len(rows) == len(found.frames) + ends, "one more row for each absorbing state"
+        rows = result.encoded(interface, absorbing=True, reward=reward)
+        assert len(rows) == len(result.frames) + ends, "one more row for each absorbing state"
         assert (rows[:, -1] == 0).sum() == 4 - ends, "nothing follows a crash"
 
 

@@ -232,11 +232,13 @@ def test_what_follows_in_a_demonstration_is_what_is_proposed() -> None:
     _, transitions, _ = read_transitions(demos, POLICY, trajectories=None, subsample=1, seed=0)
     interface = plain_interface(Layout.of(SPEC, POLICY), POLICY)
     rows = demonstrated_rows(transitions, interface, absorbing=False)
-    found = split(torch.from_numpy(rows), (5, 1, 5, 1, 1))
+    result = split(torch.from_numpy(rows), (5, 1, 5, 1, 1))
     ends = np.cumsum([len(demo) for demo in demos]) - 1
-    known = found.next_obs[:, 3].numpy() > 0.5
+    known = result.next_obs[:, 3].numpy() > 0.5
     assert not known[ends].any()
     assert known.sum() == len(rows) - 3
-    np.testing.assert_array_equal(found.next_obs[:-1, 2].numpy()[known[:-1]], found.actions[1:, 0].numpy()[known[:-1]])
+    np.testing.assert_array_equal(
+        result.next_obs[:-1, 2].numpy()[known[:-1]], result.actions[1:, 0].numpy()[known[:-1]]
+    )
     shown = encode_actions(interface, transitions.actions, transitions.frames)
-    np.testing.assert_allclose(found.obs[:, 2:3].numpy(), shown, atol=1e-6)
+    np.testing.assert_allclose(result.obs[:, 2:3].numpy(), shown, atol=1e-6)

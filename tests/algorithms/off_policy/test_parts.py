@@ -103,9 +103,9 @@ def drawn(noise: ExplorationNoise, actor: SquashedGaussianNetwork, steps: int) -
 def test_noise_has_its_deviation_and_correlation_at_every_step(
     actor: SquashedGaussianNetwork, correlation: float
 ) -> None:
-    found = drawn(ExplorationNoise(0.1, correlation), actor, 20)
-    np.testing.assert_allclose(found.std(axis=1), 0.1, rtol=0.06)
-    between = [np.corrcoef(a, b)[0, 1] for a, b in pairwise(found)]
+    result = drawn(ExplorationNoise(0.1, correlation), actor, 20)
+    np.testing.assert_allclose(result.std(axis=1), 0.1, rtol=0.06)
+    between = [np.corrcoef(a, b)[0, 1] for a, b in pairwise(result)]
     np.testing.assert_allclose(between, correlation, atol=0.06)
 
 

@@ -26,7 +26,7 @@ def test_advantages_are_the_sum_over_the_rest_of_each_episode() -> None:
     rewards, values, later = rng.normal(size=(3, 12, 4))
     ended = rng.random((12, 4)) < 0.2
     gamma, decay = 0.9, 0.8
-    found = of_steps(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
+    result = of_steps(rewards, values, later, ended, gamma=gamma, gae_lambda=decay)
     for world in range(4):
         for t in range(12):
             total, weight = 0.0, 1.0
@@ -35,7 +35,7 @@ def test_advantages_are_the_sum_over_the_rest_of_each_episode() -> None:
                 if ended[k, world]:
                     break
                 weight *= gamma * decay
-            assert found[t, world] == pytest.approx(total)
+            assert result[t, world] == pytest.approx(total)
 
 
 def test_a_time_limit_is_no_loss() -> None:
@@ -98,5 +98,5 @@ def test_conjugate_gradients_solve() -> None:
     torch.manual_seed(0)
     root = torch.randn(5, 5)
     matrix, wanted = root @ root.T + torch.eye(5), torch.randn(5)
-    found = conjugate_gradients(lambda v: matrix @ v, wanted, 20)
-    assert torch.allclose(matrix @ found, wanted, atol=1e-3)
+    result = conjugate_gradients(lambda v: matrix @ v, wanted, 20)
+    assert torch.allclose(matrix @ result, wanted, atol=1e-3)

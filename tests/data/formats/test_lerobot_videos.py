@@ -178,17 +178,17 @@ def opened(path: Path) -> Any:
 
 def checked(path: Path, uids: tuple[str, ...], folder: DatasetFolder, home: Path) -> None:
     """Require that a dataset holds these episodes of ours, and can be trained on."""
-    found, recorded = open_dataset(path), open_dataset(folder.path)
+    result, recorded = open_dataset(path), open_dataset(folder.path)
     assert not (path / "meta" / "provenance.json").exists()
-    assert found.uids == uids
-    assert not found.spec.differences(crane_spec())
-    for episode in found:
+    assert result.uids == uids
+    assert not result.spec.differences(crane_spec())
+    for episode in result:
         of = recorded[episode.uid.partition("#")[0]]
         np.testing.assert_array_equal(episode.actions, of.labels)
         for name in of.spec.observation.state_names:
             np.testing.assert_array_equal(episode.obs[name][:-1], of.obs[name][:-1])
     settings = BC(steps=2, warmup_steps=1, validation=0.0)
-    policy = settings.train(list(found), MLP(hidden=(8,), chunk=2), run=home / "run", progress=False)
+    policy = settings.train(list(result), MLP(hidden=(8,), chunk=2), run=home / "run", progress=False)
     assert (policy.spec.robot, policy.spec.task) == (crane_spec().robot, crane_spec().task)
 
 

@@ -94,8 +94,8 @@ def test_practice_starts_from_the_clone_in_the_table() -> None:
             assert digest(training.prior.decided_by()) == hiding
     own = arms[ITERATED].algorithm
     assert isinstance(own, ExpertIteration)
-    usual = FromPrior().beginning
-    assert (own.training, own.explorer_dropout) == (replace(usual, field_dropout=0.0), usual.field_dropout), (
+    default = FromPrior().beginning
+    assert (own.training, own.explorer_dropout) == (replace(default, field_dropout=0.0), default.field_dropout), (
         "what makes its own clones makes them in the same way, one with hidden fields and one without"
     )
 
@@ -107,9 +107,9 @@ def decisions_of(study: FromPrior) -> dict[str, str]:
 
 def test_an_arm_that_is_added_leaves_what_decides_the_others() -> None:
     """So that what they have done stays valid."""
-    usual = {"starts": {"reach": (2,)}, "draws": (0,)}
-    study = FromPrior(**usual)
-    few = FromPrior(**usual, practising={name: study.practising[name] for name in (ITERATED, "filtered_bc")})
+    default = {"starts": {"reach": (2,)}, "draws": (0,)}
+    study = FromPrior(**default)
+    few = FromPrior(**default, practising={name: study.practising[name] for name in (ITERATED, "filtered_bc")})
     before, now = decisions_of(few), decisions_of(study)
     assert before.items() < now.items()
     assert len({*now.values()}) == len(now), "and no two arms are one"
@@ -121,5 +121,5 @@ def test_whatever_practice_begins_with_decides_it() -> None:
         *(Cloned("bc", source, 2, MLP(), cloning) for cloning in (CLONING, other)),
         *(Practised("rounds", source, 2, MLP(), ExpertIteration(rounds=rounds)) for rounds in (1, 2)),
     ]
-    trainings = [Continued("dapg", source, 2, MLP(), DAPG(), begun) for begun in beginnings]
+    trainings = [Continued("dapg", source, 2, MLP(), DAPG(), started) for started in beginnings]
     assert len({digest(training.decided_by()) for training in trainings}) == len(beginnings)

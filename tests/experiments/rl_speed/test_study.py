@@ -22,8 +22,8 @@ def test_every_algorithm_that_flies_while_it_learns_is_timed() -> None:
 def test_only_the_length_is_changed_of_what_ships(name: str, tmp_path: Path) -> None:
     settings = RlSpeed(steps=100).settings(name, tmp_path)
     changed = ("steps", "warmup", "offline_steps", "bc_pretrain_steps", "prior", "cadence")
-    usual = {key: getattr(algorithms.get(name)(), key) for key in changed if hasattr(settings, key)}
-    assert replace(settings, **usual) == algorithms.get(name)()
+    default = {key: getattr(algorithms.get(name)(), key) for key in changed if hasattr(settings, key)}
+    assert replace(settings, **default) == algorithms.get(name)()
     stretch = settings.cadence.evaluate_every
     assert settings.steps == 2 * stretch
     assert not hasattr(settings, "rollout") or stretch >= settings.rollout.steps

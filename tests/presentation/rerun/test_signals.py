@@ -31,8 +31,8 @@ def test_actions_rewards_and_observations_are_the_recorded_ones(shown: Shown, ep
         "reward": episode.rewards[:, None],
         "observation/joint_pos": episode.obs["joint_pos"],
     }.items():
-        found = shown.numbers(f"/signals/{entity}", "Scalars:scalars").reshape(values.shape)
-        assert np.array_equal(found, values), entity
+        result = shown.numbers(f"/signals/{entity}", "Scalars:scalars").reshape(values.shape)
+        assert np.array_equal(result, values), entity
 
 
 def test_both_timelines_are_the_recordings(shown: Shown, episodes: list[Episode]) -> None:
@@ -91,18 +91,18 @@ def test_actions_are_grouped_by_what_they_mean() -> None:
 
 def test_phases_fall_together(episodes: list[Episode]) -> None:
     first, second = (Flight.of(episode) for episode in episodes)
-    found = align(first, second)
-    assert found.by == "phases"
-    assert len(found.milestones) >= 5
+    result = align(first, second)
+    assert result.by == "phases"
+    assert len(result.milestones) >= 5
     ours, theirs = phase_starts(first), phase_starts(second)
-    assert any(abs(ours[name] - theirs[name]) > 0.05 for name in found.milestones)  # they need aligning
-    assert found.first.aligned == pytest.approx(episodes[0].sim_time)
-    for name in found.milestones:
+    assert any(abs(ours[name] - theirs[name]) > 0.05 for name in result.milestones)  # they need aligning
+    assert result.first.aligned == pytest.approx(episodes[0].sim_time)
+    for name in result.milestones:
         step = int(np.searchsorted(episodes[1].sim_time, theirs[name]))
-        assert found.second.aligned is not None
-        assert found.second.aligned[step] == pytest.approx(ours[name])
-    assert (np.diff(found.second.aligned) > 0).all()
-    assert found.second.aligned[-1] == pytest.approx(episodes[0].sim_time[-1])
+        assert result.second.aligned is not None
+        assert result.second.aligned[step] == pytest.approx(ours[name])
+    assert (np.diff(result.second.aligned) > 0).all()
+    assert result.second.aligned[-1] == pytest.approx(episodes[0].sim_time[-1])
 
 
 def test_without_phases_sub_tasks_or_the_ends_align(episodes: list[Episode]) -> None:
@@ -110,9 +110,9 @@ def test_without_phases_sub_tasks_or_the_ends_align(episodes: list[Episode]) -> 
         flags = None if at is None else np.repeat(np.arange(len(episode))[:, None] >= at, 5, axis=1).astype(float)
         return Flight.of(replace(episode, phase=np.full(len(episode), -1)), flags)
 
-    found = align(blind(episodes[0], 40), blind(episodes[1], 90))
-    assert found.by == "sub-tasks"
-    assert np.interp(episodes[1].sim_time[91], found.second.sim_time, found.second.aligned) == pytest.approx(
+    result = align(blind(episodes[0], 40), blind(episodes[1], 90))
+    assert result.by == "sub-tasks"
+    assert np.interp(episodes[1].sim_time[91], result.second.sim_time, result.second.aligned) == pytest.approx(
         episodes[0].sim_time[41]
     )
     assert align(blind(episodes[0], None), Flight.of(episodes[1])).by == "start and end"
@@ -125,8 +125,8 @@ def test_what_was_done_in_another_order_is_left_out() -> None:
 
 def test_both_flights_are_in_one_recording(episodes: list[Episode], write: Callable[..., Shown]) -> None:
     flights = [Flight.of(episode) for episode in episodes]
-    found = align(*flights)
-    shown = write({"one/": flights[0], "two/": flights[1]}, clocks={"one/": found.first, "two/": found.second})
+    result = align(*flights)
+    shown = write({"one/": flights[0], "two/": flights[1]}, clocks={"one/": result.first, "two/": result.second})
     for root, flight in zip(("one", "two"), flights, strict=True):
         assert flight.motion is not None
         told = shown.numbers(f"/{root}/scene/robot/base", "Transform3D:translation").reshape(-1, 3)

@@ -49,17 +49,17 @@ def test_pictures_leave_flight_and_observations_alone() -> None:
     def fly(*, filmed: bool) -> list[np.ndarray]:
         env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=1, num_threads=1, cameras=("wrist", "scene"),
                                    image_size=(HEIGHT, WIDTH))  # fmt: skip
-        found, scene = [*env.reset(5).values()], SceneRenderer(env.model_xml) if filmed else None
+        result, scene = [*env.reset(5).values()], SceneRenderer(env.model_xml) if filmed else None
         for _ in range(5):
             obs = env.step(np.zeros((1, env.spec.action.size))).obs
             if scene is not None:
                 state = env.get_state()[0]
                 scene.draw(state, scene.frame([state], WIDTH / HEIGHT), HEIGHT, WIDTH, exposures=QUICK)
-            found += [*obs.values(), env.get_state()]
+            result += [*obs.values(), env.get_state()]
         if scene is not None:
             scene.close()
         env.close()
-        return found
+        return result
 
     for alone, watched in zip(fly(filmed=False), fly(filmed=True), strict=True):
         np.testing.assert_array_equal(alone, watched)
@@ -84,22 +84,22 @@ def test_shadows_are_softer_the_more_exposures(flown: Flown) -> None:
 def test_propellers_turn_with_the_root_of_their_thrust(flown: Flown) -> None:
     scene = mujoco.MjModel.from_xml_string(flown.episode.model_xml)
     studio = Studio(scene, flown.episode.model_xml)
-    found, data = propellers(studio.model), studio.pose(flown.episode.states[50])
-    assert len(found) == 4
-    data.act[found[0].thrust], data.act[found[1].thrust] = 8.0, 2.0
-    fast, slow = (propeller.speed(data) for propeller in found[:2])
+    result, data = propellers(studio.model), studio.pose(flown.episode.states[50])
+    assert len(result) == 4
+    data.act[result[0].thrust], data.act[result[1].thrust] = 8.0, 2.0
+    fast, slow = (propeller.speed(data) for propeller in result[:2])
     assert fast == pytest.approx(2.0 * slow)
     still = data.geom_xmat.copy()
     seen = []
     for share in (0.0, 1.0):
-        turn(data, found, still, share)
-        seen.append(data.geom_xmat[found[0].geom].reshape(3, 3).copy())
-    axis = data.site_xmat[found[0].site].reshape(3, 3)[:, 2]
+        turn(data, result, still, share)
+        seen.append(data.geom_xmat[result[0].geom].reshape(3, 3).copy())
+    axis = data.site_xmat[result[0].site].reshape(3, 3)[:, 2]
     between = seen[1] @ seen[0].T
     angle = np.arccos(0.5 * (np.trace(between) - 1.0))
     assert angle == pytest.approx(fast * SHUTTER_S, rel=1e-6)
     np.testing.assert_allclose(between @ axis, axis, atol=1e-9)
-    assert [p.sense for p in found] == [-1.0, 1.0, -1.0, 1.0]
+    assert [p.sense for p in result] == [-1.0, 1.0, -1.0, 1.0]
 
 
 SOLIDS = {

@@ -104,10 +104,10 @@ def test_meshes_as_fine_as_manufacturers_make_them_are_read(tmp_path: Path, monk
     (tmp_path / "arm.urdf").write_text(mesh("lower.stl"), encoding="utf-8")
     whole = read_arm(tmp_path / "arm.urdf").arm.links[1].shapes
     monkeypatch.setattr(model, "MOST_VERTICES", 2000)
-    found = read_arm(tmp_path / "arm.urdf")
-    assert sum(len(shape.vertices) for shape in found.arm.links[1].shapes) <= hull.POINTS
-    assert any("its meshes have 3000 vertices" in note for note in found.notes)
-    sizes = [np.sort(shape.half_extent) for shape in (*whole, *found.arm.links[1].shapes)]
+    result = read_arm(tmp_path / "arm.urdf")
+    assert sum(len(shape.vertices) for shape in result.arm.links[1].shapes) <= hull.POINTS
+    assert any("its meshes have 3000 vertices" in note for note in result.notes)
+    sizes = [np.sort(shape.half_extent) for shape in (*whole, *result.arm.links[1].shapes)]
     np.testing.assert_allclose(sizes[0], sizes[-1], rtol=0.05)
 
 
@@ -120,16 +120,16 @@ def read(folder: Path, text: str = QUAD_MJCF, **options: object) -> ReadRotorcra
     return read_rotorcraft(folder / "tern.xml", **(known | options))  # type: ignore[arg-type]
 
 
-def flying(found: ReadRotorcraft) -> Robot:
-    return Robot("tern", "A quadrotor from an MJCF.", found.base, Arm(), NO_GRIPPER, rest_forward=(), rest_down=())
+def flying(result: ReadRotorcraft) -> Robot:
+    return Robot("tern", "A quadrotor from an MJCF.", result.base, Arm(), NO_GRIPPER, rest_forward=(), rest_down=())
 
 
 def test_rotors_and_inertia_are_the_files_about_its_centre(tmp_path: Path) -> None:
-    found = read(tmp_path)
-    base = found.base
+    result = read(tmp_path)
+    base = result.base
     assert base.mass == 1.5
     np.testing.assert_allclose(base.inertia, [0.015, 0.016, 0.028])
-    np.testing.assert_allclose(found.origin, [-0.02, 0.0, -0.01])
+    np.testing.assert_allclose(result.origin, [-0.02, 0.0, -0.01])
     np.testing.assert_allclose(base.rotor_pos[0], [0.15, 0.15, 0.03])
     np.testing.assert_allclose(base.rotor_axis, np.tile([0.0, 0.0, 1.0], (4, 1)))
     np.testing.assert_allclose(base.rotor_drag_ratio, [0.016, -0.016, -0.016, 0.016])
@@ -174,6 +174,6 @@ def test_the_vehicle_itself_cannot_be_dropped(tmp_path: Path) -> None:
 def test_a_camera_is_left_away_and_a_propeller_is_welded(tmp_path: Path) -> None:
     more = '<body name="eye" pos="0.1 0 0"><geom size="0.02" mass="0.5"/></body><body name="prop" pos="0.17 0.15 0.05">'
     more += '<joint name="spin" axis="0 0 1"/><geom size="0.01" mass="0.01"/></body><site name="fl"'
-    found = read(tmp_path, changed('<site name="fl"', more), drop=["eye"])
-    assert found.base.mass == pytest.approx(1.51)
-    assert found.notes == ("products of inertia up to ", "body 'prop' is welded where it stands.")[1:]
+    result = read(tmp_path, changed('<site name="fl"', more), drop=["eye"])
+    assert result.base.mass == pytest.approx(1.51)
+    assert result.notes == ("products of inertia up to ", "body 'prop' is welded where it stands.")[1:]

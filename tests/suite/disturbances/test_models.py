@@ -27,21 +27,21 @@ TIME = np.array(length_scales(HEIGHT)) / MEAN
 
 
 @kernel
-def _record(air, state, height, seed, dt, found):
+def _record(air, state, height, seed, dt, result):
     """Rows of ``found``: velocity (3) and filter states of the centre of pressure (3)."""
-    for tick in range(found.shape[0]):
+    for tick in range(result.shape[0]):
         advance_wind(air, state, height, seed, tick, dt)
-        found[tick, :3] = state[8:11]
-        found[tick, 3:] = state[5:8]
+        result[tick, :3] = state[8:11]
+        result[tick, 3:] = state[5:8]
 
 
 def series(dt: float, steps: int, seed: int = 1, air: Air = AIR, height: float = HEIGHT) -> np.ndarray:
     """(steps, 6) turbulence along, across and up (m/s), then the centre of pressure in standard deviations."""
-    state, found = wind.start_wind(np.random.default_rng(seed)), np.empty((steps, 6))
+    state, result = wind.start_wind(np.random.default_rng(seed)), np.empty((steps, 6))
     state[wind.DIRECTION] = 0.0
-    _record(air, state, height, float(seed), dt, found)
-    found[:, 0] -= air.speed * mean_share(height)
-    return found
+    _record(air, state, height, float(seed), dt, result)
+    result[:, 0] -= air.speed * mean_share(height)
+    return result
 
 
 def test_the_mean_wind_follows_the_logarithmic_profile() -> None:
@@ -68,22 +68,22 @@ def test_scales_and_intensities_are_those_of_the_standard() -> None:
 
 @pytest.mark.parametrize("dt", [0.004, 0.02, 0.3])
 def test_variance_and_correlation_are_those_of_theory(dt: float) -> None:
-    found = series(dt, 150_000)
-    found = found[:, :3] / SIGMA
-    samples = 0.5 * len(found) * dt / TIME
-    np.testing.assert_array_less(np.abs(found.var(axis=0) - 1.0), 5.0 / np.sqrt(samples) + 0.02)
+    result = series(dt, 150_000)
+    result = result[:, :3] / SIGMA
+    samples = 0.5 * len(result) * dt / TIME
+    np.testing.assert_array_less(np.abs(result.var(axis=0) - 1.0), 5.0 / np.sqrt(samples) + 0.02)
     for k in range(3):
         lag = max(1, round(TIME[k] / dt))
         ratio = lag * dt / TIME[k]
         expected = np.exp(-ratio) * (1.0 if k == 0 else 1.0 - 0.5 * ratio)
-        correlation = np.mean(found[lag:, k] * found[:-lag, k]) / found[:, k].var()
+        correlation = np.mean(result[lag:, k] * result[:-lag, k]) / result[:, k].var()
         assert correlation == pytest.approx(expected, abs=5.0 / np.sqrt(samples[k]) + 0.02)
 
 
 def test_the_spectra_are_drydens() -> None:
     dt, size = 0.02, 4096
-    found = series(dt, 300 * size)[:, :3].reshape(300, size, 3)
-    power = np.mean(np.abs(np.fft.rfft(found * np.hanning(size)[None, :, None], axis=1)) ** 2, axis=0)
+    result = series(dt, 300 * size)[:, :3].reshape(300, size, 3)
+    power = np.mean(np.abs(np.fft.rfft(result * np.hanning(size)[None, :, None], axis=1)) ** 2, axis=0)
     density = power * 2.0 * dt / np.sum(np.hanning(size) ** 2)  # one-sided, per Hz
     frequency = np.fft.rfftfreq(size, dt)
     band = (frequency > 0.05) & (frequency < 2.0)
@@ -103,10 +103,10 @@ def test_components_are_independent_and_start_as_they_go_on() -> None:
 
 
 def test_no_gust_exceeds_three_standard_deviations() -> None:
-    found = series(0.5, 60_000)
+    result = series(0.5, 60_000)
     limit = 3.0 * SIGMA
-    assert (np.abs(found[:, :3]) <= limit + 1e-9).all()
-    assert (np.abs(found[:, :3]).max(axis=0) > 0.999 * limit).all(), "a bound that is never met binds nothing"
+    assert (np.abs(result[:, :3]) <= limit + 1e-9).all()
+    assert (np.abs(result[:, :3]).max(axis=0) > 0.999 * limit).all(), "a bound that is never met binds nothing"
 
 
 def test_it_blows_where_its_direction_says() -> None:

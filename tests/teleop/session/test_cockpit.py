@@ -93,7 +93,7 @@ def test_a_log_of_another_version_of_the_pilot_is_refused(env: BatchEnvironment,
         refly(env, replace(episode, provenance={**episode.provenance, "settings": settings}))
 
 
-def test_recordings_with_and_without_frames_are_read_and_salvaged(file: Path, episode: Episode, tmp_path: Path) -> None:
+def test_recordings_with_or_without_frames_are_read(file: Path, episode: Episode, tmp_path: Path) -> None:
     copy = read_episode(write_episode(episode, tmp_path / "copy.mcap"))
     np.testing.assert_array_equal(copy.extras["device"], episode.extras["device"])
     plain = replace(episode, extras={}, extra_labels={})
@@ -149,9 +149,7 @@ def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
         ({"tier": "gusts"}, "tier: 'calm' != 'gusts'"),
     ],
 )
-def test_another_environments_folder_is_refused_with_the_key_that_differs(
-    tmp_path: Path, other: dict, key: str
-) -> None:
+def test_another_environments_folder_names_what_differs(tmp_path: Path, other: dict, key: str) -> None:
     cockpit = cockpit_of(world(), tmp_path)
     cockpit.close()
     with pytest.raises(InvalidValueError, match=key):
@@ -185,7 +183,7 @@ def test_nobody_at_the_controls_pauses_a_recording(tmp_path: Path) -> None:
     cockpit.close()
 
 
-def test_an_episode_is_kept_as_a_demonstration_only_if_it_was_solved(tmp_path: Path) -> None:
+def test_only_a_solved_episode_is_a_demonstration(tmp_path: Path) -> None:
     """A script flies the tool to the target by what the status and the observation show."""
     env = world()
     cockpit = cockpit_of(env, tmp_path)
@@ -200,7 +198,7 @@ def test_an_episode_is_kept_as_a_demonstration_only_if_it_was_solved(tmp_path: P
     assert refly(env, episode) == len(episode)
 
 
-def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path: Path) -> None:
+def test_a_success_may_be_called_a_failure_but_not_reversed(tmp_path: Path) -> None:
     cockpit = cockpit_of(world(), tmp_path)
     solve_reach(cockpit, 1500)
     fly(cockpit, schedule((1, 2, ["label"]), (3, 4, ["save"])), 6)
@@ -215,7 +213,7 @@ def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path:
     assert not second.success
 
 
-def test_a_full_disk_is_told_on_page_and_terminal_and_the_flight_goes_on(
+def test_a_full_disk_is_told_and_the_flight_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     env = world()

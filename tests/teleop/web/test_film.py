@@ -68,7 +68,7 @@ def test_every_robot_is_flown_by_hand_and_seen(tmp_path: Path, robot: str, level
 
 
 @pytest.mark.render
-def test_nothing_is_rendered_that_nobody_sees_and_what_stands_still_is_sharp() -> None:
+def test_nothing_unseen_is_rendered_and_stills_are_sharp() -> None:
     env, shots, seen = world(), list[Shot](), threading.Event()
     state = state_of(env)
 
@@ -100,16 +100,16 @@ def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
 
 def shown(link: Link, now: list[float], count: int, took: float) -> list[int]:
     """Show pictures that take so long; return the thrift after each."""
-    found = []
+    result = []
     for number in range(count):
         link.send(number)
         now[0] += took
         link.arrive(number)
-        found.append(link.thrift)
-    return found
+        result.append(link.thrift)
+    return result
 
 
-def test_a_narrow_link_gets_the_smallest_pictures_within_two_seconds() -> None:
+def test_a_narrow_link_gets_the_smallest_pictures_at_once() -> None:
     now = [0.0]
     assert shown(Link(lambda: now[0]), now, 4, 0.45)[-1] == len(THRIFT) - 1
     assert now[0] < 2.0
@@ -161,10 +161,10 @@ def controls(folder: Path) -> Controls:
 
 def keyboard(**changes: tuple[str, ...]) -> dict[str, dict[str, tuple[str, ...]]]:
     """Return the shipped keyboard with changes, as a page sends it."""
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for control, command in shipped("keyboard").keys.items():
-        found[command] = (*found.get(command, ()), control)
-    return {"keyboard": found | changes}
+        result[command] = (*result.get(command, ()), control)
+    return {"keyboard": result | changes}
 
 
 def test_a_change_is_used_kept_and_read_again(tmp_path: Path) -> None:
@@ -187,7 +187,7 @@ def test_a_change_is_used_kept_and_read_again(tmp_path: Path) -> None:
         ({"touch": {"record": ("touch:record",)}}, InvalidValueError, "touch"),
     ],
 )
-def test_what_no_mapping_may_say_is_refused_and_nothing_is_written(tmp_path: Path, wanted, error, words: str) -> None:
+def test_what_no_mapping_may_say_is_refused_unwritten(tmp_path: Path, wanted, error, words: str) -> None:
     with pytest.raises(error, match=words):
         controls(tmp_path).change(wanted)
     assert not list(tmp_path.iterdir())

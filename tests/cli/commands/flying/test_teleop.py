@@ -104,9 +104,7 @@ def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
 
 
 @pytest.mark.render
-def test_a_device_that_is_not_plugged_in_is_told_before_anything_flies(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_device_that_is_not_plugged_in_is_told_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ["teleop", f"out={tmp_path / 'ds'}", "port=0", "open=false"]
     nowhere = f"hardware=[spacemouse.path:{tmp_path / 'hidraw0'}]"
     assert main([*words, "devices=[keyboard,spacemouse]", nowhere]) == BAD_USAGE
@@ -125,7 +123,7 @@ def test_a_port_that_is_taken_is_told(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(("tls", "expected"), [(None, "SHA-256 fingerprint"), (False, "WARNING")])
-def test_a_page_for_other_machines_tells_its_fingerprint_or_warns(
+def test_a_page_for_others_has_a_fingerprint_or_warns(
     tls: bool | None, expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     context = teleop._tls(teleop.Teleop(out="x", host="0.0.0.0", expose=True, tls=tls))
