@@ -22,7 +22,7 @@ from aerial_il.suite import tasks
 from aerial_il.suite.tasks import CellError
 from aerial_il.teleop import devices
 from tests.algorithms import drift
-from tests.contract import test_algorithms, test_success
+from tests.contract import placed, test_algorithms, test_success
 from tests.contract.test_feasibility import solved
 
 ROOT = Path(__file__).parents[2]
@@ -115,7 +115,7 @@ def test_the_task_is_solved_by_its_expert_and_judged_alike(added: None, monkeypa
     text = (ROOT / "docs/writing_a_task.md").read_text(encoding="utf-8")
     rule = re.search(r"^## The second definition of success.*?```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert rule
-    result = dict(vars(test_success))
+    result = {**vars(placed), **vars(test_success)}
     exec(rule[1], result)
     monkeypatch.setitem(test_success.RULES, "touch_point", test_success.Rule(result["tips_at_point"], result["TOUCH"]))
     test_success.check("touch_point", test_success.judged)
