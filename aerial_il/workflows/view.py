@@ -133,20 +133,25 @@ def _present(
     settings: View, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv | None, again: str
 ) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
+    from aerial_il.core.rendering import RenderingError
     from aerial_il.evaluation.outcome import subtask_flags
-    from aerial_il.presentation.films.video import end_of
+    from aerial_il.presentation.films.scene_renderer import obstacle
+    from aerial_il.presentation.films.stroboscope import write_stroboscope
+    from aerial_il.presentation.films.video import end_of, film_recording
     from aerial_il.suite.batch import BatchEnvironment
 
     print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")
     if viewer == "rerun":
         _rerun(file, out)
         return
+    if viewer != "page" and (problem := obstacle()):
+        raise RenderingError(f"Nothing can be drawn: {problem} viewer=page shows the traces without it.")
     if viewer == "still":
-        _still(settings, episode, out)
+        print(f"Picture: {write_stroboscope(out, episode, size=settings.size)}")
         return
     flags = subtask_flags(env, episode) if isinstance(env, BatchEnvironment) else None
     if viewer == "film":
-        _film(settings, episode, out, flags)
+        print(f"Film: {film_recording(episode, out, flags=flags, progress=settings.progress)}")
     else:
         _page(settings, episode, file, out, flags, again)
 
@@ -162,26 +167,6 @@ def _rerun(file: Path, out: Path) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         program.run("mcap", "convert", str(file), "-o", str(out))
         print(f"No screen here. On a machine with one: rerun {out}")
-
-
-def _still(settings: View, episode: Any, out: Path) -> None:
-    from aerial_il.core.rendering import RenderingError
-    from aerial_il.presentation.films.scene_renderer import obstacle
-    from aerial_il.presentation.films.stroboscope import write_stroboscope
-
-    if problem := obstacle():
-        raise RenderingError(f"No picture: {problem} viewer=page shows the traces without it.")
-    print(f"Picture: {write_stroboscope(out, episode, size=settings.size)}")
-
-
-def _film(settings: View, episode: Any, out: Path, flags: Any) -> None:
-    from aerial_il.core.rendering import RenderingError
-    from aerial_il.presentation.films.scene_renderer import obstacle
-    from aerial_il.presentation.films.video import film_recording
-
-    if problem := obstacle():
-        raise RenderingError(f"No film: {problem} viewer=page shows the traces without it.")
-    print(f"Film: {film_recording(episode, out, flags=flags, progress=settings.progress)}")
 
 
 def _page(settings: View, episode: Any, file: Path, out: Path, flags: Any, again: str) -> None:

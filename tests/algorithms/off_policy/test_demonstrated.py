@@ -164,7 +164,7 @@ def test_the_pull_moves_the_actor_to_demonstrated_actions() -> None:
     agent, demos = EnsembleActorCritic(settings, POLICY.build(2, 1), (2, 1)), batch(32)
     demos = demos._replace(obs=torch.cat([demos.obs[:, :2], torch.zeros(32, 1)], 1), actions=torch.full((32, 1), 0.7))
     for _ in range(200):
-        agent.update(demos, demos)
+        agent.update(demos, demos=demos)
     assert torch.allclose(agent.actor(demos.obs[:, None, :2])[:, 0], demos.actions, atol=0.1)
 
 

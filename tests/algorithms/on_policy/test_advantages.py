@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from aerial_il.algorithms.npg import NPG, NaturalGradientAgent, conjugate_gradients, flat_gradient
+from aerial_il.algorithms.on_policy.actor_critic import minibatches
 from aerial_il.algorithms.on_policy.advantages import Advantages, RewardNorm, gae
-from aerial_il.algorithms.on_policy.critic import minibatches
 from aerial_il.algorithms.ppo import PPO
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.squashed_gaussian import SquashedGaussian

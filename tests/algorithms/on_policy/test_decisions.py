@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic
 from aerial_il.algorithms.on_policy.advantages import Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
 from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.gate import ReturnGate
-from aerial_il.algorithms.on_policy.loop import Agent, judged
+from aerial_il.algorithms.on_policy.loop import judged
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.ppo import PPO
@@ -33,7 +34,7 @@ class Seen:
         return obs[..., 0]
 
 
-SEEN = cast(Agent, Seen())
+SEEN = cast(ActorCritic, Seen())
 
 
 def advantages(decided: list[int], values: np.ndarray, after: np.ndarray, rewards: np.ndarray, **ends: Any) -> Judged:

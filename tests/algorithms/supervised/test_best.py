@@ -17,7 +17,7 @@ from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.run.train_state import adamw, from_arrays, to_arrays
 from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
-from aerial_il.algorithms.supervised.learner import Ema, cosine
+from aerial_il.algorithms.supervised.learner import Learner, cosine
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError
@@ -192,15 +192,15 @@ def test_the_learning_rate_warms_up_peaks_and_ends_at_its_floor() -> None:
 
 
 def test_averaged_weights_are_the_documented_recursion() -> None:
-    network = nn.Linear(2, 2)
-    ema, expected = Ema(network, 0.9), network.weight.detach().numpy().copy()
-    for step in range(50):
-        with torch.no_grad():
-            network.weight.copy_(torch.full((2, 2), float(step)))
-        ema.update(step)
+    network = MLP(anchor=None, hidden=(8,), chunk=2).build(3, 2)
+    learner = Learner(network, weight_decay=0.0, ema=0.9, clip_norm=1.0)
+    expected = [weight.detach().clone() for weight in network.parameters()]
+    for step in range(30):
+        learner.descend(network(torch.ones(4, 1, 3)).square().mean(), lr=0.1, logged={})
         decay = min(0.9, (1 + step) / (10 + step))
-        expected = decay * expected + (1 - decay) * step
-    np.testing.assert_allclose(ema.network.weight.numpy(), expected, rtol=1e-5)
+        expected = [decay * e + (1 - decay) * w.detach() for e, w in zip(expected, network.parameters(), strict=True)]
+    for average, wanted in zip(learner.averaged.parameters(), expected, strict=True):
+        torch.testing.assert_close(average, wanted)
 
 
 def test_only_matrices_decay() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, training_curves
+from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, curves_of, read_rows
 from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films.video import Clip, Footage
 from aerial_il.presentation.pages.page import percent, seconds
@@ -120,13 +120,13 @@ def test_only_exact_rates_read_as_none_or_all() -> None:
 def test_training_curves_survive_a_killed_writer(tmp_path: Path) -> None:
     metrics = tmp_path / "metrics.jsonl"
     metrics.write_text('{"step": 0, "loss": 1.0}\n{"step": 10, "loss": 0.5}\n{"step": 20, "lo')
-    (curve,) = training_curves(tmp_path)
+    (curve,) = curves_of(read_rows(tmp_path / "metrics.jsonl"))
     assert (curve.name, curve.steps.tolist(), curve.values.tolist()) == ("loss", [0, 10], [1.0, 0.5])
     metrics.write_text('{"step": 0, "loss": 1.0}\n{"loss": 1.0}\n')
     with pytest.raises(InvalidValueError, match=r"metrics\.jsonl, line 2: not a row"):
-        training_curves(tmp_path)
+        curves_of(read_rows(tmp_path / "metrics.jsonl"))
     with pytest.raises(InvalidValueError, match=r"cannot be read .* training run"):
-        training_curves(tmp_path / "missing")
+        curves_of(read_rows(tmp_path / "missing" / "metrics.jsonl"))
 
 
 @pytest.mark.browser

@@ -1,19 +1,22 @@
-"""A state-value critic, whose estimate is the baseline of policy gradients, and the minibatches that it learns from."""
+"""What learns from rollouts: an actor and the state-value critic that judges its decisions, and their minibatches."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.on_policy.advantages import Advantages
+from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.run.state import Part
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts.network import StochasticNetwork
 
 
 class CriticNetwork(nn.Module):
@@ -36,7 +39,7 @@ def minibatches(count: int, batch_size: int | None) -> list[Tensor]:
     return parts
 
 
-class Critic:
+class Critic(TrainState[CriticNetwork]):
     """A state-value critic with its optimiser.
 
     Args:
@@ -45,24 +48,16 @@ class Critic:
 
     def __init__(self, obs_size: int, hidden: Sequence[int], *, lr: float) -> None:
         network = CriticNetwork(obs_size, hidden)
-        self._trained = TrainState(network, adam(network, lr))
-
-    def set_lr(self, lr: float) -> None:
-        """Take all steps that follow at the learning rate ``lr``."""
-        self._trained.set_lr(lr)
+        super().__init__(network, adam(network, lr))
 
     @torch.no_grad()
     def values(self, obs: np.ndarray) -> np.ndarray:
         """Return values V(s) (...) of encoded observations (..., Do)."""
-        return self._trained.network(tensor(obs)).numpy()
+        return self.network(tensor(obs)).numpy()
 
     def loss(self, part: Advantages) -> Tensor:
         """Return the mean squared error."""
-        return ((self._trained.network(part.obs) - part.targets) ** 2).mean()
-
-    def descend(self, loss: Tensor, *, clip_norm: float | None = None) -> None:
-        """Take one step against the gradient of ``loss``."""
-        self._trained.descend(loss, clip_norm=clip_norm)
+        return ((self.network(part.obs) - part.targets) ** 2).mean()
 
     def fit(self, data: Advantages, rollout: Rollout) -> float:
         """Fit the critic to the targets in several passes; return the mean loss."""
@@ -74,8 +69,28 @@ class Critic:
                 losses.append(loss.item())
         return float(np.mean(losses))
 
-    def snapshot(self) -> Snapshot:
-        return self._trained.snapshot()
 
-    def restore(self, saved: Snapshot) -> None:
-        self._trained.restore(saved)
+class ActorCritic[Actor: StochasticNetwork](Part):
+    """An actor, whose steps stand in the file of each algorithm, and its critic.
+
+    Args:
+        settings: of the algorithm. actor: the policy's network. obs_size: elements that a decision sees.
+    """
+
+    changing = ("actor", "_critic")
+
+    def __init__(self, settings: Algorithm, actor: Actor, obs_size: int) -> None:
+        self.settings, self.actor = settings, actor
+        self._critic = Critic(obs_size, settings.critic_hidden, lr=settings.lr)
+
+    def values(self, obs: np.ndarray) -> np.ndarray:
+        """Return the critic's values (...) of what decisions see (..., Do)."""
+        return self._critic.values(obs)
+
+    @abstractmethod
+    def learn(self, found: Judged, *, left: float, improve: bool = True) -> Mapping[str, float]:
+        """Learn from one rollout's decisions, and return named numbers.
+
+        Args:
+            left: share of the training that is left. improve: whether the actor is updated; else the critic alone.
+        """
