@@ -93,10 +93,10 @@ def test_info_counts_what_was_mixed(calm: Path, tmp_path: Path, capsys: pytest.C
     assert main([*REACH, "tier=gusts", "expert.noise=0.1", "seed=4", "mix=true", f"out={mixed}"]) == 0
     capsys.readouterr()
     assert main(["info", str(mixed), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    kinds = {(kind["tier"], kind["settings"]): kind["episodes"] for kind in found["made_by"]}
+    result = json.loads(capsys.readouterr().out)
+    kinds = {(kind["tier"], kind["settings"]): kind["episodes"] for kind in result["made_by"]}
     assert kinds == {("calm", "noise=0.3"): 2, ("gusts", "noise=0.1"): 2}
-    assert found["repeated_seeds"] == [4]
+    assert result["repeated_seeds"] == [4]
     assert main(["info", str(mixed)]) == 0
     said = capsys.readouterr().out
     assert "1 seeds were flown more than once" in said

@@ -97,7 +97,7 @@ def test_a_kill_with_a_full_queue_costs_each_world_one_episode(reference: Datase
     assert not folder.parts()
 
 
-def test_a_disk_that_fills_up_while_files_wait_costs_nothing_finished(
+def test_a_disk_that_fills_up_costs_nothing_finished(
     reference: DatasetFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sync, synced = os.fsync, []
@@ -124,7 +124,7 @@ def test_a_disk_that_fills_up_while_files_wait_costs_nothing_finished(
 
 
 @pytest.mark.parametrize("step", [3, 70])
-def test_a_value_that_cannot_be_recorded_is_reported_with_its_seed_and_step(tmp_path: Path, step: int) -> None:
+def test_a_value_that_cannot_be_recorded_names_seed_and_step(tmp_path: Path, step: int) -> None:
     class Broken(CraneBatch):
         def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
             result = super().step(actions, mask)

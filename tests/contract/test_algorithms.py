@@ -155,19 +155,19 @@ def test_it_fulfils_the_contract(name: str) -> None:
 @each
 def test_it_learns_more_than_its_start(tmp_path: Path, name: str) -> None:
     """On unseen seeds, with its own machinery alone; what never learns gains nothing, see the test below."""
-    begun = train(short(name, FIRST), tmp_path / "start")
+    started = train(short(name, FIRST), tmp_path / "start")
     learned = train(small(name), tmp_path / "learned")
-    assert gain(begun, learned) > LEAST
+    assert gain(started, learned) > LEAST
 
 
-def gain(begun: Any, learned: Any) -> float:
-    return (mean_reward(learned) - mean_reward(begun)) / mean_reward(Guide())
+def gain(started: Any, learned: Any) -> float:
+    return (mean_reward(learned) - mean_reward(started)) / mean_reward(Guide())
 
 
 def test_what_does_not_learn_gains_nothing(tmp_path: Path) -> None:
-    begun = train(short("sac", FIRST), tmp_path / "start")
+    started = train(short("sac", FIRST), tmp_path / "start")
     idle = train(replace(small("sac"), lr=1e-12), tmp_path / "idle")
-    assert gain(begun, idle) < LEAST
+    assert gain(started, idle) < LEAST
 
 
 @each

@@ -38,9 +38,9 @@ def flight(tmp_path_factory: pytest.TempPathFactory) -> Episode:
 def scripted(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     env = world(task="pick_place")
     pilot = aerial_il.expert("fa_hexa_arm4", "pick_place")
-    found = collect(env, pilot, range(5000, 5001), tmp_path_factory.mktemp("scripted"), progress=False).folder
+    result = collect(env, pilot, range(5000, 5001), tmp_path_factory.mktemp("scripted"), progress=False).folder
     env.close()
-    return open_dataset(found.path)[0]
+    return open_dataset(result.path)[0]
 
 
 def kept(flight: Episode, relabelled: Episode) -> np.ndarray:
@@ -62,9 +62,9 @@ def looks_beyond_a_grip(flight: Episode, relabelled: Episode) -> bool:
 
 
 def test_no_ops_are_left_out_but_for_grips_and_the_end(flight: Episode) -> None:
-    found = AHEAD.apply(flight)
-    left = kept(flight, found)
-    assert HOLD < len(found) < len(flight)
+    result = AHEAD.apply(flight)
+    left = kept(flight, result)
+    assert HOLD < len(result) < len(flight)
     assert left[-HOLD:].tolist() == list(range(len(flight) - HOLD, len(flight)))
     around = {step + k for step in grips(flight) for k in range(-MARGIN, MARGIN + 1)}
     assert {step for step in around if 0 <= step < len(flight)} <= set(left.tolist())
@@ -74,23 +74,23 @@ def test_no_ops_are_left_out_but_for_grips_and_the_end(flight: Episode) -> None:
 
 
 def test_labels_are_poses_that_the_flight_reached_later(flight: Episode) -> None:
-    found = AHEAD.apply(flight)
-    left = kept(flight, found)
-    for step, label in zip(left, found.labels, strict=True):
+    result = AHEAD.apply(flight)
+    left = kept(flight, result)
+    for step, label in zip(left, result.labels, strict=True):
         (reached,) = np.flatnonzero((flight.obs["ee_pos"] == label[:3]).all(1))[:1]
         assert reached > step
         np.testing.assert_array_equal(flight.obs["ee_rot6d"][reached].ravel(), label[3:9])
-    np.testing.assert_array_equal(found.labels[-1, :3], flight.obs["ee_pos"][-1])
+    np.testing.assert_array_equal(result.labels[-1, :3], flight.obs["ee_pos"][-1])
 
 
 def test_every_move_of_the_gripper_is_kept_and_decided_at_once(flight: Episode) -> None:
-    found, commanded = AHEAD.apply(flight), flight.labels[:, -1]
-    label = found.labels[:, -1]
-    assert set(grips(flight)) <= set(kept(flight, found).tolist())
+    result, commanded = AHEAD.apply(flight), flight.labels[:, -1]
+    label = result.labels[:, -1]
+    assert set(grips(flight)) <= set(kept(flight, result).tolist())
     starts = [step for step in grips(flight) if step - 1 not in grips(flight)]
     assert len(starts) >= 2, "what follows is about a flight that grasps and lets go"
     for step in starts:
-        at = int(np.flatnonzero(kept(flight, found) == step)[0])
+        at = int(np.flatnonzero(kept(flight, result) == step)[0])
         ends = next(t for t in range(step, len(flight)) if t + 1 not in grips(flight))
         assert label[at - 1] == commanded[step - 1], "not a step earlier than the person"
         assert label[at] == pytest.approx(commanded[min(ends + MARGIN, len(flight) - 1)])
@@ -98,15 +98,15 @@ def test_every_move_of_the_gripper_is_kept_and_decided_at_once(flight: Episode) 
 
 
 def test_nothing_else_changes(flight: Episode) -> None:
-    found = AHEAD.apply(flight)
-    left = kept(flight, found)
+    result = AHEAD.apply(flight)
+    left = kept(flight, result)
     for name in SAME:
-        np.testing.assert_array_equal(getattr(found, name), getattr(flight, name)[left])
+        np.testing.assert_array_equal(getattr(result, name), getattr(flight, name)[left])
     seen = np.append(left, len(flight))
     for name, values in flight.obs.items():
-        np.testing.assert_array_equal(found.obs[name], values[seen])
-    np.testing.assert_array_equal(found.states, flight.states[seen])
-    assert (found.uid, found.success, found.provenance) == (flight.uid, flight.success, flight.provenance)
+        np.testing.assert_array_equal(result.obs[name], values[seen])
+    np.testing.assert_array_equal(result.states, flight.states[seen])
+    assert (result.uid, result.success, result.provenance) == (flight.uid, flight.success, flight.provenance)
 
 
 def test_a_grasp_is_looked_ahead_to_and_never_beyond(flight: Episode, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,23 +121,23 @@ def test_only_what_the_person_took_over_is_relabelled(flight: Episode) -> None:
     labels = np.full_like(flight.actions, np.nan)
     labels[40:90] = flight.actions[40:90]
     shared = replace(flight, expert_actions=labels, provenance={"policy": "learner with human:ada"})
-    found = replace(BC.waypoints, lookahead_s=30.0).apply(shared)
-    left = kept(shared, found)
+    result = replace(BC.waypoints, lookahead_s=30.0).apply(shared)
+    left = kept(shared, result)
     assert set(range(40)) | set(range(90, len(flight))) <= set(left.tolist()), "what the policy flew is all there"
-    assert left[found.asked].tolist() == [step for step in left if 40 <= step < 90]
-    np.testing.assert_array_equal(found.labels[found.asked][0, :3], flight.obs["ee_pos"][90])
-    np.testing.assert_array_equal(found.labels[~found.asked], found.executed_actions[~found.asked])
+    assert left[result.asked].tolist() == [step for step in left if 40 <= step < 90]
+    np.testing.assert_array_equal(result.labels[result.asked][0, :3], flight.obs["ee_pos"][90])
+    np.testing.assert_array_equal(result.labels[~result.asked], result.executed_actions[~result.asked])
 
 
 def test_what_leads_to_where_the_person_let_go_is_left_out(flight: Episode) -> None:
     held, nearest = np.zeros(len(flight), bool), round(0.5 * AHEAD.lookahead_s / DT)
     held[: grips(flight)[0] - MARGIN - 20] = True
     labels = np.where(held[:, None], flight.actions, np.nan)
-    found = AHEAD.apply(replace(flight, expert_actions=labels, is_intervention=held))
-    by_hand = int(held[kept(flight, found)].sum())
+    result = AHEAD.apply(replace(flight, expert_actions=labels, is_intervention=held))
+    by_hand = int(held[kept(flight, result)].sum())
     assert by_hand > nearest
-    assert found.asked.tolist()[: by_hand - nearest + 1] == [True] * (by_hand - nearest + 1)
-    assert not found.asked[by_hand - nearest + 1 :].any(), "those just before the controls were handed back"
+    assert result.asked.tolist()[: by_hand - nearest + 1] == [True] * (by_hand - nearest + 1)
+    assert not result.asked[by_hand - nearest + 1 :].any(), "those just before the controls were handed back"
     whole = AHEAD.apply(replace(flight, expert_actions=flight.actions, is_intervention=np.ones(len(flight), bool)))
     assert whole.asked.all(), "the end of a flight is a goal"
 

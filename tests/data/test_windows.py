@@ -82,10 +82,10 @@ def test_a_batch_of_windows_is_its_windows_one_by_one(folder: DatasetFolder) -> 
 
 def test_statistics_are_those_of_the_data(folder: DatasetFolder) -> None:
     episodes = list(open_dataset(folder.path))
-    found = statistics(episodes)
+    result = statistics(episodes)
     ee_pos = np.concatenate([e.obs["ee_pos"][:-1] for e in episodes])
-    np.testing.assert_allclose(found["ee_pos"].mean, ee_pos.mean(0))
-    np.testing.assert_allclose(found["ee_pos"].q99, np.quantile(ee_pos, 0.99, axis=0))
-    assert found["action"].count == sum(map(len, episodes))
+    np.testing.assert_allclose(result["ee_pos"].mean, ee_pos.mean(0))
+    np.testing.assert_allclose(result["ee_pos"].q99, np.quantile(ee_pos, 0.99, axis=0))
+    assert result["action"].count == sum(map(len, episodes))
     with pytest.raises(InvalidValueError, match="finite"):
         Statistics.of(np.array([[np.nan]]))

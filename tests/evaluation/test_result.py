@@ -70,13 +70,6 @@ def test_a_simplified_path_stays_close_however_long_it_is(length: int, seed: int
         assert np.linalg.norm(away, axis=1).max() <= 0.005 + 1e-12
 
 
-def test_a_wild_flight_keeps_more_points_than_a_straight_one() -> None:
-    time_s = np.arange(1500) * 0.02
-    circling = np.stack([np.cos(4 * time_s), np.sin(4 * time_s), 0.01 * time_s], axis=1)
-    assert len(simplified(circling, 0.002)) > 500
-    assert len(simplified(np.outer(time_s, [1.0, 2.0, 3.0]), 0.002)) == 2
-
-
 @pytest.mark.parametrize(
     ("damage", "message"),
     [

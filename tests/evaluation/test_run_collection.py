@@ -27,22 +27,22 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def names(found: RunCollection) -> list[str]:
-    return [found.name(run) for run in found.runs]
+def names(result: RunCollection) -> list[str]:
+    return [result.name(run) for run in result.runs]
 
 
 def test_runs_are_found_at_any_depth_and_all_else_is_named(folder: Path) -> None:
-    found = read_runs(folder)
-    assert names(found) == ["a/seed=0", "a/seed=1", "b/seed=0", "b/seed=1"]
-    assert {str(place.relative_to(folder)): why[:12] for place, why in found.refused.items()} == {
+    result = read_runs(folder)
+    assert names(result) == ["a/seed=0", "a/seed=1", "b/seed=0", "b/seed=1"]
+    assert {str(place.relative_to(folder)): why[:12] for place, why in result.refused.items()} == {
         "a/cut": f"{folder}/a/cut/metrics.jsonl"[:12],
         "a/half": "half-written",
         "holiday": "holds no tra",
     }
-    assert found.axes == {"seed": [0, 1]}
-    row = found.rows[0]
+    assert result.axes == {"seed": [0, 1]}
+    row = result.rows[0]
     assert (row["run"], row["state"], row["seed"], row["success"]) == ("a/seed=0", "finished", 0, 0.9)
-    assert all(set(other) == set(row) for other in found.rows)
+    assert all(set(other) == set(row) for other in result.rows)
 
 
 def test_a_run_alone_and_an_empty_folder_are_collections_too(folder: Path, tmp_path: Path) -> None:
@@ -70,19 +70,19 @@ def test_conditions_leave_what_fulfils_all_of_them(folder: Path, conditions: lis
 
 
 def test_what_is_no_condition_is_answered(folder: Path) -> None:
-    found = read_runs(folder)
+    result = read_runs(folder)
     with pytest.raises(InvalidValueError, match="not a condition"):
-        found.where(["success"])
+        result.where(["success"])
     with pytest.raises(UnknownNameError, match="Did you mean 'success'"):
-        found.where(["sucess>0.5"])
+        result.where(["sucess>0.5"])
     with pytest.raises(UnknownNameError, match="Did you mean 'success'"):
-        found.sorted_by("-sucess")
+        result.sorted_by("-sucess")
 
 
 def test_runs_are_sorted_by_numbers_upwards_and_downwards(folder: Path) -> None:
-    found = read_runs(folder)
-    assert names(found.sorted_by("success")) == ["b/seed=0", "b/seed=1", "a/seed=1", "a/seed=0"]
-    assert names(found.sorted_by("-success")) == ["a/seed=0", "a/seed=1", "b/seed=1", "b/seed=0"]
+    result = read_runs(folder)
+    assert names(result.sorted_by("success")) == ["b/seed=0", "b/seed=1", "a/seed=1", "a/seed=0"]
+    assert names(result.sorted_by("-success")) == ["a/seed=0", "a/seed=1", "b/seed=1", "b/seed=0"]
     make_run(folder / "c", rates=())
     assert names(read_runs(folder).sorted_by("-success"))[-1] == "c", "what was never flown stands last"
 

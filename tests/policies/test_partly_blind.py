@@ -65,10 +65,10 @@ def test_training_hides_whole_fields_at_the_chance_it_says(most: float) -> None:
     layout = fresh_policy("mlp").interface.layout
     torch.manual_seed(0)
     images = {"wrist_rgb": torch.ones(4000, 2, 1, 1, 3, dtype=torch.uint8)}
-    found = with_dropout(Seen(torch.ones(4000, 2, layout.size), images), layout, most)
-    assert isinstance(found, Seen)
-    assert found.images is images
-    state = found.state
+    result = with_dropout(Seen(torch.ones(4000, 2, layout.size), images), layout, most)
+    assert isinstance(result, Seen)
+    assert result.images is images
+    state = result.state
     assert (state[:, 0] == state[:, 1]).all(), "hidden in one frame of the history and shown in the other"
     firsts = np.cumsum([0, *(layout.spec.observation[name].size for name in layout.names)])[:-1]
     fields = state[:, 0, firsts]

@@ -85,8 +85,8 @@ def settings(group: str) -> set[str]:
     """Return all keys of all choices of a group, and the groups of keys."""
     train, gates = commands.find("train").settings, {f"{group}.gate": list(options("gate"))}
     every = known(train, {group: list(options(group)), **(gates if group == "algorithm" else {})})
-    found = {name.removeprefix(f"{group}.") for name in every if name.startswith(f"{group}.")}
-    return found | {".".join(name.split(".")[:i]) for name in found for i in range(1, name.count(".") + 1)}
+    result = {name.removeprefix(f"{group}.") for name in every if name.startswith(f"{group}.")}
+    return result | {".".join(name.split(".")[:i]) for name in result for i in range(1, name.count(".") + 1)}
 
 
 @pytest.mark.parametrize("group", ["algorithm", "policy"])

@@ -44,7 +44,7 @@ def gone(text: str) -> list[str]:
 
 
 def test_what_docstrings_name_is_there() -> None:
-    lost = {str(file.relative_to(ROOT)): found for file in sources() if (found := gone(file.read_text("utf-8")))}
+    lost = {str(file.relative_to(ROOT)): result for file in sources() if (result := gone(file.read_text("utf-8")))}
     assert lost == {}
 
 

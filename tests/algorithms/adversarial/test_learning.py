@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,13 +10,9 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.adversarial.reward_net import load_reward, reward_along
-from aerial_il.algorithms.airl import AIRL
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.gail import GAIL
-from aerial_il.algorithms.ppo import PPO
-from aerial_il.algorithms.run.folder import METRICS, read_metrics
-from aerial_il.algorithms.sac import SAC
-from aerial_il.algorithms.sqil import SQIL
+from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
@@ -63,12 +56,6 @@ def learn(settings: Any, run: Path, demos: list[Any] | None = None, *, ends: boo
 
 
 @pytest.mark.slow
-def test_sac_and_ppo_solve_a_point_mass(tmp_path: Path) -> None:
-    assert learn(made(SAC, {**OFF, "steps": 2_000}), tmp_path / "sac") > 0.9
-    assert learn(made(PPO, {**ON, "steps": 12_000}), tmp_path / "ppo") > 0.9
-
-
-@pytest.mark.slow
 def test_dac_imitates_by_demonstrations_without_a_reward(tmp_path: Path) -> None:
     settings = made(DAC, {**JUDGE, **OFF, **ALONE, "steps": 2_500})
     demos = demonstrations(10)
@@ -86,13 +73,6 @@ def test_dac_learns_to_finish_early(tmp_path: Path, reward: Any) -> None:
     assert read_metrics(tmp_path / "dac")[-1]["episode/success"] > 0.8
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("algorithm", [GAIL, AIRL])
-def test_on_policy_imitation_learns(tmp_path: Path, algorithm: Any) -> None:
-    judge = {"reward_hidden": (32,), "reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 48, "buffer_size": 2048}
-    assert learn(made(algorithm, {**ON, **judge, "steps": 20_000}), tmp_path, demonstrations(10)) > 0.7
-
-
 def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> None:
     """And afterwards it does not: what reinforcement has added can be told from what cloning had reached."""
     few = {"steps": 1_024, "bc_pretrain_steps": 200, "warmup": 1_024, "reward_updates": 2, "reward_batch": 64}
@@ -107,11 +87,6 @@ def test_until_the_warm_up_is_over_the_clone_flies_as_it_is(tmp_path: Path) -> N
         centres.append(np.concatenate([p.detach().numpy().ravel() for p in policy.network.parameters()]))
     np.testing.assert_array_equal(centres[0], centres[1])
     assert not np.array_equal(centres[1], centres[2])
-
-
-@pytest.mark.slow
-def test_sqil_learns(tmp_path: Path) -> None:
-    assert learn(made(SQIL, {**OFF, "steps": 3_000}), tmp_path, demonstrations(10)) > 0.7
 
 
 @pytest.mark.slow
@@ -142,28 +117,6 @@ def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> No
 
     with pytest.raises(KeyboardInterrupt):
         train_flying.train(name, str(run), evaluate=stop)
-    train_flying.train(name, str(run))
-    assert_same_end(run, whole)
-
-
-def told_at(run: Path) -> int:
-    """When a run told its metrics last, 0 for never."""
-    return (run / METRICS).stat().st_mtime_ns if (run / METRICS).exists() else 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["dac", "gail"])
-def test_a_run_killed_at_random_moments_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
-    whole, run, rng = tmp_path / "whole", tmp_path / "run", np.random.default_rng(0)
-    train_flying.train(name, str(whole))
-    for _ in range(2):
-        before = told_at(run)
-        child = subprocess.Popen([sys.executable, "-m", "tests.algorithms.train_flying", name, str(run)])
-        while told_at(run) == before and child.poll() is None:
-            time.sleep(0.005)
-        time.sleep(rng.uniform(0.0, 0.3))
-        child.kill()
-        child.wait()
     train_flying.train(name, str(run))
     assert_same_end(run, whole)
 

@@ -34,11 +34,11 @@ def test_time_belongs_to_the_innermost_section() -> None:
     with Sampler(HERE, rest="rest") as sampler:
         outer()
         busy(0.03)
-    found, total = sampler.seconds, sum(sampler.seconds.values())
-    assert list(found) == ["slow", "outer", "other", "rest"]
-    assert found["other"] == 0.0
-    assert found["slow"] > found["outer"] > 0.1 * total
-    assert found["rest"] > 0.1 * total
+    result, total = sampler.seconds, sum(sampler.seconds.values())
+    assert list(result) == ["slow", "outer", "other", "rest"]
+    assert result["other"] == 0.0
+    assert result["slow"] > result["outer"] > 0.1 * total
+    assert result["rest"] > 0.1 * total
 
 
 def test_compiled_code_counts_for_who_called_it() -> None:
