@@ -153,6 +153,11 @@ class ActionSpec:
     def size(self) -> int:
         return len(self.labels)
 
+    @property
+    def reach(self) -> np.ndarray:
+        """(Da,) how far each element can be from the middle of its bounds; infinite without them."""
+        return 0.5 * (np.asarray(self.high, float) - np.asarray(self.low, float))
+
     def clip(self, action: np.ndarray) -> np.ndarray:
         """Return ``action`` (..., Da) limited to the bounds."""
         return np.clip(action, self.low, self.high)

@@ -10,6 +10,7 @@ from pathlib import Path
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.places import claim_file, claim_folder
+from aerial_il.workflows.parts.reading import Reading
 
 log = logging.getLogger(__name__)
 FOLDERS = {  # forms that are folders -> all that lies in one
@@ -27,7 +28,7 @@ def forms() -> dict[str, tuple[tuple[str, ...], str]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Convert:
+class Convert(Reading):
     """What is converted, and into what.
 
     Attributes:
@@ -77,12 +78,11 @@ def convert(settings: Convert) -> Path:
 
 def _to_format(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.suite.faces.gymnasium_ids import known_spec
 
     out, form = _own_place(settings), registry.module("format", settings.form)
     names = [] if not getattr(form, "PICTURES", True) else settings.images
-    dataset = open_dataset(settings.path, cameras=names)
+    dataset = settings.open(settings.path, cameras=names)
     spec = dataset.spec
     recorded = [field.name for field in spec.observation.of_group("image")]
     for name in names if isinstance(names, list) else ():
@@ -107,11 +107,10 @@ def _to_rerun(settings: Convert) -> Path:
 
 def _to_views(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    out, dataset = _own_place(settings), open_dataset(settings.path, cameras=settings.images)
+    out, dataset = _own_place(settings), settings.open(settings.path, cameras=settings.images)
     alone = out.suffix == ".mcap"
     if alone and len(dataset) > 1:
         folder = out.with_suffix("")

@@ -7,11 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from aerial_il.workflows.parts.reading import Reading
+
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Info:
+class Info(Reading):
     """Which dataset.
 
     Attributes:
@@ -23,9 +25,7 @@ class Info:
 
 def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
-    from aerial_il.data.dataset import open_dataset
-
-    dataset = open_dataset(settings.path, failures=True, states=False)
+    dataset = settings.open(settings.path, failures=True, states=False)
     episodes = [_episode(e) for e in dataset]
     return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
 

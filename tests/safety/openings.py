@@ -12,8 +12,8 @@ from tests.safety.hostile import Sound
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
     "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
-    "flight_tier", "flights", "hardware", "host", "key_file", "operator", "prune", "sort", "success", "time_scale",
-    "tracker", "ui", "viewer", "where",
+    "filter_key", "flight_tier", "flights", "hardware", "host", "key_file", "operator", "prune", "sort", "success",
+    "time_scale", "tracker", "ui", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),

@@ -138,7 +138,7 @@ def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
     torn.write_bytes(b"torn")
     assert [fuzz.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
     assert [hdf5_probe.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
-    monkeypatch.setattr(hdf5_probe, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    monkeypatch.setattr(hdf5_probe, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGXCPU)")
     assert not fuzz.comes_back(path, 1, 0)
     assert not hdf5_probe.comes_back(path, 1, 0)
 

@@ -27,7 +27,7 @@ def recognises(path: Path) -> bool:
 def read(path: Path, wanted: Wanted) -> Source:
     from aerial_il.data.formats.parts.lerobot import reading
 
-    return reading.read(path, wanted.cameras)
+    return reading.read(path)
 
 
 def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:

@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
+
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Algorithm, Policy
     from aerial_il.core.specs import EnvSpec
@@ -36,6 +38,7 @@ def training_resources(
     num_envs: int | None,
     threads: int,
     port: int = 8642,
+    reading: Reading = AS_IT_SAYS,
 ) -> Iterator[dict[str, Any]]:
     """Yield what ``algorithm.train`` is to be handed besides data, by name; nothing where it only learns.
 
@@ -50,6 +53,7 @@ def training_resources(
         num_envs: worlds flown at once; None for the algorithm's ``worlds``.
         threads: of the simulation, or processes of external environments; 0 for all cores.
         port: of a person's page.
+        reading: answers to what the format of the dataset does not say.
 
     Raises:
         UnknownNameError: the task has no expert.
@@ -61,13 +65,13 @@ def training_resources(
         return
     from aerial_il.algorithms.online.rewards import forfeits_by_success
     from aerial_il.collection.collect import collect
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
     from aerial_il.workflows.parts.page import OPERATORS, operator
 
     by_hand = expert in OPERATORS
     scripted = "expert" in needs and not by_hand
-    spec, typed = open_dataset(dataset).spec if dataset else None, reference.env if reference else None
+    typed = reference.env if reference else None
+    spec = None if dataset is None else reading.open(dataset, states=False).spec
     asked = _expert(spec, expert, typed) if spec and scripted else None
     where = reference_of(spec, images=images, typed=typed) if spec else reference or EnvironmentReference()
     worlds = 1 if by_hand else num_envs or algorithm.worlds

@@ -8,11 +8,8 @@ from typing import NoReturn
 import numpy as np
 
 from aerial_il.core.errors import DemoError
-from aerial_il.data.episode import Episode
 
 UNIT_TOLERANCE = 1e-6
-TIME_TOLERANCE_S = 1e-6
-BOUND_TOLERANCE = 1e-9
 
 
 class Report:
@@ -60,53 +57,6 @@ class Report:
                 expected=1,
                 got=norms[step],
             )
-
-
-def check_flight(report: Report, episode: Episode) -> None:
-    """Require that actions are within bounds, time advances evenly, and the end comes last."""
-    _check_bounds(report, episode)
-    _check_time(report, episode)
-    _check_end(report, episode)
-
-
-def _check_bounds(report: Report, episode: Episode) -> None:
-    action = episode.spec.action
-    slack = BOUND_TOLERANCE * (action.high - action.low)
-    outside = (episode.actions < action.low - slack) | (episode.actions > action.high + slack)
-    if outside.any():
-        step, i = np.argwhere(outside)[0].tolist()
-        limits = f"{action.low[i]}..{action.high[i]}"
-        report.fail(
-            "has an action outside its bounds.", "/step", step=step, field=f"action.{action.labels[i]}",
-            expected=limits, got=episode.actions[step, i],
-        )  # fmt: skip
-
-
-def _check_time(report: Report, episode: Episode) -> None:
-    dt = episode.spec.control_dt_s
-    late = ~(np.abs(np.diff(episode.sim_time) - dt) <= TIME_TOLERANCE_S)
-    if late.any() or episode.sim_time[0] < 0:
-        step = int(np.argmax(late)) + 1
-        got = episode.sim_time[step - 1 : step + 1]
-        report.fail(
-            "has time stamps that do not advance evenly.",
-            "/step",
-            step=step,
-            field="sim_time",
-            expected=f"steps of {dt} s",
-            got=got,
-        )
-
-
-def _check_end(report: Report, episode: Episode) -> None:
-    if len(episode) == 0:
-        report.fail("has no steps.", "/step")
-    for name in ("terminated", "truncated"):
-        early = np.flatnonzero(getattr(episode, name)[:-1])
-        if early.size:
-            report.fail(f"goes on after it was {name}.", "/step", step=int(early[0]), field=name)
-    if episode.terminated[-1] and episode.success and not episode.spec.is_outside:  # others may end by being solved
-        report.fail("claims success although it ended in a crash.", "/step", step=len(episode) - 1, field="terminated")
 
 
 def _name(field: str, where: tuple[int, ...]) -> str:
