@@ -21,7 +21,7 @@ ENV, STEPS = "Pendulum-v1", (12, 9)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def foreign(tmp_path: Path) -> Path:
     """Two episodes in the layout that ``HDF5Storage`` of Minari 0.5 writes."""
     data = tmp_path / "pendulum" / "data"
     data.mkdir(parents=True)
@@ -36,11 +36,11 @@ def folder(tmp_path: Path) -> Path:
     return data.parent
 
 
-def test_every_value_is_read(folder: Path) -> None:
-    dataset = open_dataset(folder)
+def test_every_value_is_read(foreign: Path) -> None:
+    dataset = open_dataset(foreign)
     assert dataset.uids == ("episode_0", "episode_1")
     assert (dataset.spec.robot, dataset.spec.task, dataset.spec.max_steps) == ("gymnasium", ENV, max(STEPS))
-    with h5py.File(folder / "data/main_data.hdf5") as file:
+    with h5py.File(foreign / "data/main_data.hdf5") as file:
         raw: Any = file
         for episode in dataset:
             np.testing.assert_array_equal(episode.obs["observation"], raw[f"{episode.uid}/observations"])
@@ -50,10 +50,10 @@ def test_every_value_is_read(folder: Path) -> None:
             assert not episode.spec.differences(dataset.spec)
 
 
-def test_it_trains_and_flies_in_the_environment_that_it_names(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder.parent)
+def test_it_trains_and_flies_in_the_environment_that_it_names(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(foreign.parent)
     small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
-    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    assert main(["train", f"dataset={foreign}", "run=run", "algorithm.validate_every=0", *small]) == 0
     judged = ["episodes=2", "videos=0", "out=judged", "success=survived", "max_steps=5", "progress=false"]
     assert main(["evaluate", "policy=run", *judged]) == 0
 
@@ -110,18 +110,18 @@ def test_minari_s_spaces_that_are_not_read_are_named(
         ("rewards", None, "lacks /episode_0/rewards"),
     ],
 )
-def test_what_cannot_be_used_is_named(folder: Path, name: str, values: object, said: str) -> None:
-    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+def test_what_cannot_be_used_is_named(foreign: Path, name: str, values: object, said: str) -> None:
+    with h5py.File(foreign / "data/main_data.hdf5", "a") as file:
         del file[f"episode_0/{name}"]
         if values is not None:
             file[f"episode_0/{name}"] = values
     with pytest.raises(DemoError, match=said):
-        open_dataset(folder, strict=True)
-    assert open_dataset(folder).uids == ("episode_1",)
+        open_dataset(foreign, strict=True)
+    assert open_dataset(foreign).uids == ("episode_1",)
 
 
-def test_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
-    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+def test_more_than_memory_is_refused_before_it_is_read(foreign: Path) -> None:
+    with h5py.File(foreign / "data/main_data.hdf5", "a") as file:
         del file["episode_0/observations"]
         file.create_dataset("episode_0/observations", (10**9, 3), "f4", chunks=(1000, 3), fillvalue=1.0)
         file["episode_0"].attrs["total_steps"] = 10**9
@@ -130,14 +130,14 @@ def test_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
             width = (1,) if name == "actions" else ()
             file.create_dataset(f"episode_0/{name}", (10**9, *width), kind, chunks=(1000, *width))
     with pytest.raises(DemoError, match=r"takes too much memory\. expected at most 2000 MB, got .* MB.*memory_mb=N"):
-        open_dataset(folder, strict=True)
+        open_dataset(foreign, strict=True)
 
 
-def test_an_environment_that_names_a_module_is_not_imported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "data/metadata.json").write_text(json.dumps({"env_spec": json.dumps({"id": "antigravity:X-v0"})}))
-    monkeypatch.chdir(folder.parent)
+def test_an_environment_that_names_a_module_is_not_imported(foreign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (foreign / "data/metadata.json").write_text(json.dumps({"env_spec": json.dumps({"id": "antigravity:X-v0"})}))
+    monkeypatch.chdir(foreign.parent)
     small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
-    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    assert main(["train", f"dataset={foreign}", "run=run", "algorithm.validate_every=0", *small]) == 0
     assert main(["evaluate", "policy=run", "episodes=1", "out=judged"]) == 2
     assert "antigravity" not in __import__("sys").modules
 
