@@ -64,6 +64,10 @@ WHOLE = {"a2c": {"epochs": 1, "batch_size": None}}  # one step by the whole of a
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
+IMPOSSIBLE = {"steps": 0, "gamma": 1.0, "threads": 0, "ema": 1.0, "minutes": 0.0, "critics.hidden": ()}
+IMPOSSIBLE |= {"critic_hidden": (), "reward.dropout": 1.0, "reward.form": "x"}
+
+
 class Broke(Drift):
     """Pays a reward that is not a number, from the fifth step of an episode on."""
 
@@ -222,10 +226,10 @@ def test_impossible_settings_are_refused(name: str) -> None:
     values = {key: value for key, value in values_of(cls()) if key in names(cls)}  # those of a choice depend on it
     numbers = {key: value for key, value in values.items() if type(value) in (int, float) and value >= 0}
     assert len(numbers) > 3
-    for number in numbers:
-        for wrong in (-1, float("nan")):
-            with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
-                made(cls, {number: wrong})
+    wrong = [(number, value) for number in numbers for value in (-1, float("nan"))]
+    for key, value in (*wrong, *((key, value) for key, value in IMPOSSIBLE.items() if key in names(cls))):
+        with pytest.raises(InvalidValueError, match=key.rpartition(".")[2]):
+            made(cls, {key: value})
 
 
 def values_of(settings: Any, at: str = "") -> Iterator[tuple[str, Any]]:

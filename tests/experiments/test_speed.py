@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from experiments.common.stopwatch import Arm, interleave
 from experiments.policies.study import OneByOne, Policies, prepared_for
 from experiments.recording.study import collecting_row, file_rows
 from experiments.speed import study as speed
-from experiments.speed.study import PARTS, RATES, SECTIONS, SPEED, Speed, time_of_a_step
+from experiments.speed.study import SECTIONS, Speed, time_of_a_step
 from experiments.speed.workload import RawPhysics, Workload, fly_again, record
 from tests.algorithms.point_mass import demonstrations
 
@@ -100,21 +99,6 @@ def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatc
     assert report.tables["Demonstrations per minute"][0]["recorded_per_minute"] > 0
     assert not report.targets[-1].met, "four seconds to the first flight are too many"
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-@pytest.mark.usefixtures("few")
-def test_a_cell_is_timed_once_with_the_same_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    timed: list[tuple[str, str]] = []
-    row = {"robot": "quad", "task": "hover", "flight_us": 1.0, "python_us": 1.0, "total_us": 2.0}
-    tables = {SPEED: [row], PARTS: [row], RATES: [row]}
-    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell) or tables)
-    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 1.0})
-    quad = Speed(robots=("quad",), tasks=("hover",))
-    reports = [quad.run(tmp_path, progress=False) for _ in range(2)]
-    assert timed == [("quad", "hover")]
-    assert reports[0].tables == reports[1].tables
-    replace(quad, repetitions=3).run(tmp_path, progress=False)
-    assert len(timed) == 2, "with other settings it is timed anew"
 
 
 def test_the_loader_gives_the_windows_that_training_gathers() -> None:

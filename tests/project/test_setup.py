@@ -14,7 +14,6 @@ from aerial_il.core.errors import AerialError
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = (ROOT / "requirements.lock").read_text()
-SETUP = ROOT / "setup" / "environment.sh"
 
 
 def test_the_lock_pins_hashes_and_names_no_address() -> None:

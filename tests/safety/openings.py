@@ -74,8 +74,3 @@ def words(name: str, key: str, value: object, sound: Sound) -> list[str]:
     """Return the command line that has a command open ``value`` through one of its keys."""
     typed = f"{{10:{value}}}" if key == "learning_curve" else value
     return [name, f"{key}={typed}", *beside(sound)[name, key]]
-
-
-def writes(name: str) -> str:
-    """Return the key of a command's results."""
-    return commands.find(name).output

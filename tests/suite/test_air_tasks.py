@@ -1,4 +1,4 @@
-"""Tasks in the air: what counts as settled, landed and reached."""
+"""Tasks in the air: what counts as settled, landed, reached, and as a lap of the track."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ import pytest
 
 import aerial_il
 from aerial_il.control.vehicle import GRAVITY
+from aerial_il.experts.track import TrackExpert
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode import measured
 from aerial_il.suite.props.skids import STAND_M
-from aerial_il.suite.tasks import hover, reach
+from aerial_il.suite.tasks import hover, reach, track
 from aerial_il.suite.tasks.land import HARDEST, SOFT_M_S
 from aerial_il.suite.tasks.reach import ANGLE_TOLERANCE_RAD, POSITION_TOLERANCE_M, TASK, reached
-from tests.contract.registered import batch
+from tests.contract.registered import batch, hold_actions
 
 CELL = ("quad", "hover")
 attitude_cosine = measured.number(hover.attitude_cosine)
@@ -172,3 +173,49 @@ def test_the_dense_reward_pays_for_the_last_degrees() -> None:
     assert (np.diff(by_angle) < -0.05).all(), "each of these pays"
     by_distance = dense(np.array([0.0, 0.02, 0.04, 0.3, 0.6]), np.zeros(5))
     assert (np.diff(by_distance) < -0.05).all()
+
+
+TRACK = ("ua_quad_arm4", "track")
+
+
+def test_the_target_goes_where_the_preview_says_and_comes_round() -> None:
+    worlds = batch(*TRACK)
+    first = worlds.reset(7)
+    hover = hold_actions(worlds)
+    announced = first["tool_to_preview"][:, :3] + first["ee_pos"]
+    lap = np.ceil(track.FULL_LAP / np.abs(worlds.simulation.view.task_state[:, track.RATE]) / 0.02)
+    positions = []
+    for _ in range(int(lap.max()) + 1):
+        obs = worlds.step(hover).obs
+        positions.append(obs["target_pos"])
+        if len(positions) == 10:
+            np.testing.assert_allclose(obs["target_pos"], announced, atol=1e-9)
+    path = np.array(positions)
+    speed = np.linalg.norm(np.diff(path, axis=0), axis=2).max(axis=0) / 0.02
+    assert ((speed > track.SPEED_M_S[0] - 0.01) & (speed < track.SPEED_M_S[1] + 0.01)).all()
+    for world in range(3):
+        gap = np.linalg.norm(path[int(lap[world]) - 1, world] - first["target_pos"][world])
+        assert gap < track.SPEED_M_S[1] * 0.02, "one lap later it is within a step of where it started"
+
+
+def test_a_tool_that_stands_still_never_completes_a_lap() -> None:
+    worlds = batch(*TRACK)
+    obs = worlds.reset(7)
+    hover = np.concatenate([obs["target_pos"], obs["ee_rot6d"], np.ones((3, 1))], axis=1)
+    while not worlds.simulation.reassess().truncated.any():
+        assert not worlds.step(hover).info["success"].any()
+
+
+def test_losing_the_target_breaks_the_lap_off() -> None:
+    worlds = batch(*TRACK)
+    expert = TrackExpert()
+    expert.attach(worlds)
+    worlds.reset(7)
+    expert.reset()
+    for _ in range(200):
+        worlds.step(expert.act({}))
+    memory = worlds.simulation.view.task_state
+    assert (memory[:, track.LAP] > 0.5).all()
+    while (memory[:, track.LAP] > 0.0).any():
+        worlds.step(expert.act({}) + np.eye(10)[2] * 0.3)
+    assert not worlds.step(expert.act({})).info["subtasks"][:, 1:].any()

@@ -165,13 +165,6 @@ def test_it_keeps_what_its_prior_could(tmp_path: Path, prior: Path) -> None:
     assert mean_reward(learned) > alone - 0.01
 
 
-def test_from_a_prior_that_knows_nothing_it_learns(tmp_path: Path) -> None:
-    settings = {"bc_pretrain_steps": 0, "control": "random_actions"}
-    idle = train(tmp_path / "idle", steps=16, warmup=8, caution=1e6, **settings)
-    learned = train(tmp_path / "learned", steps=2_400, **settings)
-    assert mean_reward(learned) > mean_reward(idle) + 0.05
-
-
 # -- its parts
 
 

@@ -56,13 +56,6 @@ def test_each_size_takes_the_first_of_its_draw(report: Report, folder: Path) -> 
         assert [episode.provenance["seed"] for episode in demos] == [100_000 * draw, 100_000 * draw + 1]
 
 
-def test_a_lost_stage_is_done_again_with_the_same_result(report: Report, folder: Path) -> None:
-    for file in folder.glob("evaluations/*/*/2/1/calm-*/evaluation.json"):
-        file.unlink()
-    again = TINY.run(folder, progress=False)
-    assert again.tables == report.tables
-
-
 def test_the_interval_over_trainings_is_the_wider() -> None:
     row = pooled_row([result_with(100, count) for count in (90, 70, 50)])
     assert (row["trainings"], row["success"], row["percent"], row["worst"], row["best"]) == (3, 210, 70.0, 50.0, 90.0)

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from aerial_il.evaluation.curves import LearningPoint
 from aerial_il.evaluation.result import EvaluationResult
@@ -19,34 +16,13 @@ from aerial_il.presentation.pages.charts import (
     TOP,
     Figure,
     Plot,
-    Scale,
     histogram,
-    round_ticks,
 )
 from aerial_il.presentation.pages.figures import learning_curve, paths
-
-SVG = "{http://www.w3.org/2000/svg}"
 
 
 def parse(figure: Figure) -> ElementTree.Element:
     return ElementTree.fromstring(str(figure.svg))
-
-
-@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
-def test_ticks_are_round_and_inside(lo: float, span: float) -> None:
-    hi = lo + span
-    ticks = round_ticks(lo, hi)
-    assert 2 <= len(ticks) <= 7
-    assert lo - 1e-6 * span <= ticks[0]
-    assert ticks[-1] <= hi + 1e-6 * span
-    assert np.allclose(np.diff(ticks), ticks[1] - ticks[0])
-
-
-def test_scales_meet_their_ends() -> None:
-    linear, logarithmic = Scale(2, 4, 100, 0), Scale(0.01, 100, 0, 40, log=True)
-    assert (linear(2), linear(3), linear(4)) == (100, 50, 0)
-    assert (logarithmic(0.01), logarithmic(1), logarithmic(100)) == pytest.approx((0, 20, 40))
-    assert logarithmic.ticks() == pytest.approx([0.01, 0.1, 1, 10, 100])
 
 
 def test_a_point_lands_where_the_axes_say() -> None:

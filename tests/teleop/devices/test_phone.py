@@ -20,7 +20,6 @@ from aerial_il.teleop.web.messages import MessageError, read_message
 from tests.teleop.hands import first, shipped, world
 
 X, Y, Z = np.eye(3)
-HALF = math.sqrt(0.5)
 ANGLES = st.floats(-180, 180)
 
 
