@@ -18,6 +18,7 @@ from aerial_il.core.rotations import add, dot, norm, scale, sub
 
 SHORTEST_LEVER = 0.05  # m: below it a joint's torque says nothing about a force
 FELT_SHARE = 0.13  # of the vehicle's weight: a force that the arm begins to give way to; to twice as much it does fully
+LEAST_N = 4.0  # N: lighter vehicles too press a probe or a button without giving way
 RISE, FALL = 30.0, 2.0  # 1/s: how fast the estimate follows a force that grows, or fades
 
 
@@ -58,7 +59,7 @@ def give_way(vehicle, state, pos):
     mass = vehicle.base_mass
     for j in range(vehicle.num_joints):
         mass += vehicle.link_mass[j]
-    force, least = vec(state, layout.CONTACT), FELT_SHARE * GRAVITY * mass
+    force, least = vec(state, layout.CONTACT), max(LEAST_N, FELT_SHARE * GRAVITY * mass)
     size = norm(force)
     if size <= least:
         return (0.0, 0.0, 0.0)

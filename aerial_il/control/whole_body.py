@@ -118,9 +118,9 @@ def solve_arm(vehicle, gains, scratch, state, pos, rot, measured, dt):
     if count == 0:
         return
     target, target_rot = vec(state, layout.TOOL_POS), read_rotation(state, layout.TOOL_ROT)
-    target = add(target, give_way(vehicle, state, pos))
     _linearise(vehicle, scratch, pos, rot, state, layout.JOINT_CMD, target, target_rot, gains.orientation_weight)
     feel_contact(vehicle, scratch, state, measured, dt)
+    put(scratch.error, 0, add(vec(scratch.error, 0), give_way(vehicle, state, pos)))
     for j in range(count):
         scratch.pull[4 + j] = ARM_REST_RATE * dt * (state[layout.JOINT_REF + j] - state[layout.JOINT_CMD + j])
     solve_in_joint_space(scratch, 4, count, DAMPING)

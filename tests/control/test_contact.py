@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerial_il.control import controller_state as layout
-from aerial_il.control.contact import FELT_SHARE, give_way
+from aerial_il.control.contact import FELT_SHARE, LEAST_N, give_way
 from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import GRAVITY, Gains, Vehicle, record_of
 from aerial_il.control.whole_body import seat_references, solve_arm
@@ -46,6 +46,7 @@ def test_it_gives_way_along_the_force_alone(name: str) -> None:
     state, _ = seated(vehicle)
     moved = (BASE[0] + 0.02, BASE[1], BASE[2] + 0.1)
     for share, given in ((0.0, 0.0), (0.9, 0.0), (1.5, 0.05), (2.0, 0.1), (9.0, 0.1)):
-        state[layout.CONTACT : layout.CONTACT + 3] = [0.0, 0.0, share * FELT_SHARE * weight(vehicle)]
+        least = max(LEAST_N, FELT_SHARE * weight(vehicle))
+        state[layout.CONTACT : layout.CONTACT + 3] = [0.0, 0.0, share * least]
         assert give_way(vehicle.record, state, moved) == pytest.approx([0.0, 0.0, given])
     assert give_way(vehicle.record, state, (BASE[0], BASE[1], BASE[2] - 0.1)) == (0.0, 0.0, 0.0), "it is no push"
