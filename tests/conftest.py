@@ -38,8 +38,8 @@ def pytest_collection_finish() -> None:
 def _cell(item: pytest.Item) -> tuple[str, str]:
     """Return the robot and the task that a test is parametrised with; empty words where there are none."""
     values = item.callspec.params if isinstance(item, pytest.Function) and hasattr(item, "callspec") else {}
-    found = values.get("cell", (values.get("robot"), values.get("task")))
-    return found if isinstance(found, tuple) and all(isinstance(name, str) for name in found) else ("", "")
+    result = values.get("cell", (values.get("robot"), values.get("task")))
+    return result if isinstance(result, tuple) and all(isinstance(name, str) for name in result) else ("", "")
 
 
 @pytest.fixture(autouse=True)

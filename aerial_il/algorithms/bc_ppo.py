@@ -33,7 +33,6 @@ from torch import Tensor
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
@@ -93,10 +92,10 @@ class BCPPO(FromClone):
     def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
         actor = start.chunk_actor(run, self.exploration)
         agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
-        flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
+        pilot = ChunkPilot(actor, start.prior, run.collector)
         gate = ReturnGate(actor, run.collector.n, self.gate)
         hand_over = HandOver(run, start.alone, actor.network, self.trial)
-        learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
+        learn_on_policy(run, self, pilot, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
         return hand_over.finish()
 
 
@@ -108,14 +107,14 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
     """
 
     def __init__(self, settings: Algorithm, actor: StochasticNetwork, obs_size: int) -> None:
-        super().__init__(settings, actor, obs_size, smoothness=settings.smoothness)
-        self._first, self._anchored, self._pull = copy.deepcopy(actor).requires_grad_(False), settings, settings.kl
+        super().__init__(settings, actor, obs_size)
+        self._first, self._pull = copy.deepcopy(actor).requires_grad_(False), settings.kl
 
     def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the actor's learning rate and the pull back follow the share that is ``left``."""
-        self._pull = self._anchored.kl * left
-        self._actor.set_lr(self._anchored.lr * left)
-        self._critic.set_lr(self._anchored.critic_lr)
+        self._pull = self.settings.kl * left
+        self._actor.set_lr(self.settings.lr * left)
+        self._critic.set_lr(self.settings.critic_lr)
         metrics = self._passes(found.data, improve=improve)
         with torch.no_grad():
             return {**metrics, "actor/divergence": self._away(found.data.obs).mean().item()}

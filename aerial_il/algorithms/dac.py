@@ -125,7 +125,7 @@ class DAC(Algorithm):
             batch = mixed(demos, flights.buffer, size, self.expert_share)
             batch = rewarded(batch, reward_net) if imitates else alive(batch)
             near = demos.sample(size // 2) if self.bc_weight and imitates else None
-            metrics = agent.update(batch, demos=near, bc_weight=self.bc_weight, improve=improve)
+            metrics = agent.update(batch, demos=near, improve=improve)
             return {**metrics, "reward/mean": batch.rewards.mean().item()}
 
         parts = {"reward_net": reward_net, "expert_buffer": demos}

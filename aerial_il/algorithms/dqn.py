@@ -30,11 +30,10 @@ from torch import Tensor
 from torch.nn.functional import huber_loss
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_reward
+from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
 from aerial_il.algorithms.off_policy.settings import Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.problem import Given, Problem
@@ -44,7 +43,7 @@ from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.checks import require_positive, require_share
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.categorical import Categorical, CategoricalNetwork
@@ -110,7 +109,7 @@ class DQN(Algorithm):
         return 1.0 + fallen * (self.epsilon - 1.0)
 
     def problem(self, given: Given) -> Problem:
-        return from_reward(self, given)
+        return from_reward_or_prior(self, given)
 
     def learn(self, run: OnlineRun) -> ChunkPolicy:
         agent = DeepQAgent(self, run.build_actor(CategoricalNetwork), lambda: self.epsilon_at(run.left))
@@ -136,11 +135,12 @@ class DeepQAgent(Agent[CategoricalNetwork]):
         epsilon: that probability at the last step.
     """
 
+    changing = ("values", "target", "_held", "updates")
+
     def __init__(self, settings: DQN, actor: CategoricalNetwork, falling: Callable[[], float] = lambda: 1.0) -> None:
         self.settings, self.actor, self.epsilon, self._falling = settings, actor, 1.0, falling
-        self.values, self.target = TrainState(actor, adam(actor, settings.lr)), Target(actor)
-        self._held = HeldChoices(len(actor.table), settings.longest_hold)
-        super().__init__({"values": self.values}, {"target": self.target}, {"held": self._held})
+        self.values, self.target = TrainState(actor, adam(actor, settings.lr)), Follower(actor)
+        self._held, self.updates = HeldChoices(len(actor.table), settings.longest_hold), 0
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:

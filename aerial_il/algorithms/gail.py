@@ -27,9 +27,10 @@ import numpy as np
 
 from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
 from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
+from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.on_policy.steps import StepFlights, Steps
+from aerial_il.algorithms.on_policy.steps import StepPilot
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.moments import RunningMoments
@@ -116,7 +117,7 @@ class GAIL(Algorithm):
         if starts_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
 
-        def rewarded(rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+        def rewarded(rollout: Decisions) -> tuple[np.ndarray, np.ndarray]:
             buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
             for _ in range(imitates * int(self.reward.updates)):
                 half = self.reward_batch // 2
@@ -129,12 +130,12 @@ class GAIL(Algorithm):
             run.log({"reward/mean": float(rewards.mean())})
             return rewards, end_values
 
-        flights = StepFlights(run, agent.actor, obs_norm=False)
+        pilot = StepPilot(run, agent.actor, obs_norm=False)
         parts: dict[str, Any] = {"reward_net": reward_net, "reward_norm": reward_norm}
         parts |= {"expert_buffer": expert_buffer, "replay_buffer": buffer}
         warmup = self.warmup + 1 - whole_turns(self.rollout.steps, run.collector.n)  # the rollout that ends it teaches
         given = {"warmup": warmup, "rewarded": rewarded, "parts": parts}
-        learn_on_policy(run, self, flights, agent, agent.actor, **given)
+        learn_on_policy(run, self, pilot, agent, agent.actor, **given)
         reward_net.save(run.folder.path)
         return run.finish()
 
@@ -143,13 +144,13 @@ class GAIL(Algorithm):
         return RewardNet(*sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
 
     def _rewards(
-        self, rollout: Steps, reward_net: RewardNet, reward_norm: RunningMoments
+        self, rollout: Decisions, reward_net: RewardNet, reward_norm: RunningMoments
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
         if self.demonstrations.control == "constant_reward":
             return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
-        rewards = reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
+        rewards = reward_net.reward(obs, tensor(rollout.flat("normalised"))).numpy().astype(float)
         reward_norm.add(rewards[:, None])
         centre, deviation = reward_norm.mean[0], reward_norm.deviation[0]
         end_values = np.zeros_like(rewards)
@@ -160,7 +161,7 @@ class GAIL(Algorithm):
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 
 
-def rows_of_rollout(rollout: Steps, *, absorbing: bool) -> np.ndarray:
+def rows_of_rollout(rollout: Decisions, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay buffer."""
-    names = ("obs", "actions", "rewards", "next_obs", "terminal")
+    names = ("obs", "normalised", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

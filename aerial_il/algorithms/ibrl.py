@@ -38,7 +38,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.critics import squared_error
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import check_warmup
 from aerial_il.algorithms.off_policy.proposals import Proposals, ProposedFlights, proposed_demos
@@ -53,7 +53,7 @@ from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.prior import load_prior
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.checks import require_not_negative
 from aerial_il.core.tensors import tensor
@@ -147,16 +147,11 @@ class ProposedAgent(Agent[SquashedGaussianNetwork]):
     :mod:`aerial_il.algorithms.off_policy.proposals`.
     """
 
+    changing = (*Agent.changing, "actor_target")
+
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self.sizes = settings, actor, sizes
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critics)
-        super().__init__(
-            {"actor": self.actor_state, "critics": self.critics},
-            {"actor_target": self.actor_target, "critic_targets": self.targets},
-        )
+        super().__init__(settings, actor, sizes)
+        self.actor_target = Follower(actor)
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:

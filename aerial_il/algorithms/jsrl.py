@@ -29,7 +29,7 @@ from typing import ClassVar
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
+from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
 from aerial_il.algorithms.on_policy.guided import Curriculum, GuidedPilot, Schedule
 from aerial_il.algorithms.on_policy.hand_over import HandOver
@@ -143,9 +143,8 @@ class JSRL(FromClone):
             paid = float(rollout.rewards.mean())
             return {"guide/steps": pilot.steps, "guide/stage": pilot.stage, "rollout/reward": paid}
 
-        flights = DecisionFlights(run.collector, pilot)
         given = {"warmup": self.warmup, "hand_over": hand_over, "more": more}
-        learn_on_policy(run, self, flights, agent, actor.network, **given)
+        learn_on_policy(run, self, pilot, agent, actor.network, **given)
         return hand_over.finish()
 
     def curriculum(self, demos: Sequence[Episode]) -> Curriculum:

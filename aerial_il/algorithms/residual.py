@@ -25,7 +25,6 @@ import numpy as np
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
@@ -104,10 +103,10 @@ class Residual(FromClone):
         seen, moved = sum(run.sizes), base.interface.varied & np.isnan(base.interface.switches.low)
         actor = ShiftActor(Shift(seen, self.hidden, moved, self.reach), self.noise)
         agent = AnchoredActorCritic(self, actor, seen)
-        flights = DecisionFlights(run.collector, ShiftPilot(actor, base.fresh(), self.hold, run.collector))
+        pilot = ShiftPilot(actor, base.fresh(), self.hold, run.collector)
         gate = ReturnGate(actor, run.collector.n, self.gate)
         run.wrap = lambda own: ResidualPolicy(
             base.fresh(), actor.shift, hidden=self.hidden, hold=self.hold, origin=own.origin
         )
-        learn_on_policy(run, self, flights, agent, base.network, warmup=self.warmup, gate=gate)
+        learn_on_policy(run, self, pilot, agent, base.network, warmup=self.warmup, gate=gate)
         return run.finish()

@@ -83,8 +83,6 @@ class TD3(Algorithm):
 class TwinDelayedAgent(DeterministicAgent):
     """The agent of ``ddpg`` with two critics, and with targets that follow where the actor's step is due."""
 
-    settings: TD3
-
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""
         critic_loss, metrics = self.critic_loss(batch)

@@ -105,6 +105,13 @@ def plain(settings: Any) -> dict[str, Any]:
     return found
 
 
+def dotted(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """Return dotted keys -> the leaves of nested mappings; an empty mapping is a leaf."""
+    if not isinstance(tree, Mapping) or not tree:
+        return {prefix.rstrip("."): tree}
+    return {key: leaf for name, value in tree.items() for key, leaf in dotted(value, f"{prefix}{name}.").items()}
+
+
 def fits(value: Any, hint: Any) -> bool:
     """Whether ``value``, of plain types and objects built already, may stand where ``hint`` is declared."""
     if hint in _PLAIN:

@@ -16,6 +16,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 SCENE = "scene"  # the camera that every scene has; all others are the robot's
 MODALITIES = ("rgb", "depth", "segmentation")
 _MEANINGS = {"rgb": "colour image", "depth": "distance along the view, m", "segmentation": "geom ids, -1 for the sky"}
+ROUNDNESS = (14, 8)  # slices and stacks of balls, cylinders and capsules: drawing takes as long as there are vertices
 _DTYPES = {"rgb": "uint8", "depth": "float32", "segmentation": "int32"}
 
 
@@ -97,6 +98,8 @@ class FrameRenderer:
 
     @cached_property
     def _renderer(self) -> Renderer:
+        quality = self._model.vis.quality
+        quality.numslices, quality.numstacks = ROUNDNESS
         renderer = Renderer(self._model, *self._size)
         _open.add(self)
         _close_all_at_exit()

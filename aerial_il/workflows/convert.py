@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.places import claim_file, claim_folder
 from aerial_il.workflows.parts.reading import Reading
 
+log = logging.getLogger(__name__)
+FOLDERS = {  # forms that are folders -> all that lies in one
+    "lerobot": ("meta/**/*", "data/**/*", "videos/**/*"), "minari": ("data/*",), "mcap": ("*.mcap",),
+}  # fmt: skip
 VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
 FIRST = ("lerobot", "robomimic")  # of several formats of an ending
 
@@ -94,7 +100,9 @@ def _to_rerun(settings: Convert) -> Path:
 
     out = _own_place(settings)
     out.parent.mkdir(parents=True, exist_ok=True)
-    return inspect(Inspect(path=settings.path, save=str(out))).file
+    made = inspect(Inspect(path=settings.path, save=str(out)))
+    log.info("\n".join(made.notes))
+    return made.file
 
 
 def _to_views(settings: Convert) -> Path:
@@ -116,4 +124,8 @@ def _to_views(settings: Convert) -> Path:
 def _own_place(settings: Convert) -> Path:
     if settings.out is None and Path(settings.path).is_file():
         raise InvalidValueError(f"{settings.path} is one file: say where its other form goes, out=NAME.")
-    return Path(settings.out or Path(settings.path) / "derived" / forms()[settings.form][1])
+    out = Path(settings.out or Path(settings.path) / "derived" / forms()[settings.form][1])
+    parts = FOLDERS.get(settings.form, ())
+    if not parts or (settings.form, out.suffix) == ("mcap", ".mcap"):
+        return claim_file(out)
+    return claim_folder(out, parts, parts)

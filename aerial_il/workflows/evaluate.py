@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
@@ -100,11 +101,8 @@ def evaluate(settings: Evaluate) -> Evaluated:
     seeds = range(settings.seed, settings.seed + settings.episodes)
     worlds = min(settings.num_envs, len(seeds))
     env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
-    try:
-        with watched(env, settings.threads, wanted=settings.rerun) as seen:
-            result, written = _judged(settings, pilot, seen, seeds)
-    finally:
-        env.close()
+    with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
+        result, written = _judged(settings, pilot, seen, seeds)
     return Evaluated(result, pilot, env.spec.tier if pilot.reference.env else settings.tier, written)
 
 
@@ -121,7 +119,7 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
-    journal.begin({**subject, CALLED: name})
+    journal.start({**subject, CALLED: name})
     command = {"command": _command(settings, pilot)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress

@@ -43,7 +43,6 @@ SECTIONS = {
     ACTING: [
         Place("aerial_il.algorithms.online.collector"),
         Place("aerial_il.algorithms.off_policy.experience_replay", "step"),
-        Place("aerial_il.algorithms.on_policy.steps", "collect"),
         Place("aerial_il.algorithms.on_policy.decisions", "collect"),
         Place("aerial_il.algorithms.off_policy.proposals"),
     ],

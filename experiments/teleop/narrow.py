@@ -27,6 +27,8 @@ async def narrowed(port: int, *, bytes_per_s: float, delay_s: float) -> AsyncIte
         arriving, free = asyncio.create_task(arrive()), clock()
         try:
             while piece := await reader.read(PIECE):
+                if writer.get_extra_info("peername")[1] == port:  # as a tunnel that keeps the page's own address
+                    piece = piece.replace(f"127.0.0.1:{near()}".encode(), f"127.0.0.1:{port}".encode())
                 free = max(free, clock()) + len(piece) / rate
                 await asyncio.sleep(max(0.0, free - clock()))
                 await waiting.put((free + delay_s, piece))
@@ -39,8 +41,11 @@ async def narrowed(port: int, *, bytes_per_s: float, delay_s: float) -> AsyncIte
         with suppress(ConnectionError):
             await asyncio.gather(pump(reader, far_writer, 1e9), pump(far_reader, writer, bytes_per_s))
 
+    def near() -> int:
+        return server.sockets[0].getsockname()[1]
+
     server = await asyncio.start_server(accept, "127.0.0.1", 0, limit=2 * PIECE)
     try:
-        yield server.sockets[0].getsockname()[1]
+        yield near()
     finally:
         server.close()

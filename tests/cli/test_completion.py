@@ -45,12 +45,6 @@ def test_only_tasks_that_the_robot_can_do_are_offered() -> None:
     assert every == [f"task={task}" for task in aerial_il.list_tasks()]
 
 
-def test_action_levels_are_offered() -> None:
-    levels = completion.candidates(["aerial-il", "collect", "action="])
-    assert {"action=ee_pose", "action=velocity"} <= set(levels)
-    assert completion.candidates(["aerial-il", "evaluate", "action=ee_d"]) == ["action=ee_delta"]
-
-
 AGAIN = """
 import sys
 from aerial_il.cli import completion

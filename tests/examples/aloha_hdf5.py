@@ -36,8 +36,8 @@ def read(path: Path, wanted: Wanted) -> Source:
 
 
 def _files(path: Path) -> list[Path]:
-    found = {file.stem: file for file in path.glob("episode_*.hdf5")} if path.is_dir() else {path.stem: path}
-    return [found[name] for name in numbered(found)]
+    result = {file.stem: file for file in path.glob("episode_*.hdf5")} if path.is_dir() else {path.stem: path}
+    return [result[name] for name in numbered(result)]
 
 
 def _raw(file: Path) -> Raw:

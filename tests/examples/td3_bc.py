@@ -17,7 +17,7 @@ from typing import ClassVar
 from torch import Tensor
 
 from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
+from aerial_il.algorithms.off_policy.loop import learn_offline_first
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
@@ -80,8 +80,6 @@ class TD3BC(Algorithm):
 
 class CloningAgent(TwinDelayedAgent):
     """The agent of ``td3``, whose actor is held near the actions of the minibatch."""
-
-    settings: TD3BC  # type: ignore[assignment]
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return ``-lambda mean Q1(s, mu(s)) + mean |mu(s) - a|^2 / Da``, plus the smoothness loss."""

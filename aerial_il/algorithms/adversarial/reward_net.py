@@ -22,8 +22,8 @@ from aerial_il.algorithms.adversarial.discriminator import (
 from aerial_il.algorithms.online.interface import encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.folder import REWARD
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
+from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError

@@ -2,41 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 import torch
 
-from aerial_il.algorithms.off_policy.critics import Target
-from aerial_il.algorithms.run.state import Snapshot, Stateful, joined, separate
-from aerial_il.algorithms.run.train_state import TrainState
+from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.run.state import Part
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.network import StochasticNetwork
 
 
-class Agent[Network: StochasticNetwork]:
-    """Networks in training and their target networks; what they learn stands in the file of each algorithm.
-
-    There they are made with ``settings``, the algorithm's, ``actor``, the policy's network, and ``sizes``, Do and Da.
+class Agent[Network: StochasticNetwork](Part):
+    """An actor and action-value critics with slowly following targets; each algorithm's file says what they learn.
 
     Args:
-        trained: by the names that their state is kept under. targets: likewise. others: whatever else changes.
+        settings: of the algorithm. actor: the policy's network. sizes: Do and Da.
 
     Attributes:
-        actor: the policy's network, set by each agent.
         updates: gradient steps of the critics so far.
     """
 
-    actor: Network
+    changing = ("actor_state", "critics", "targets", "updates")
 
-    def __init__(
-        self,
-        trained: Mapping[str, TrainState],
-        targets: Mapping[str, Target],
-        others: Mapping[str, Stateful] | None = None,
-    ) -> None:
-        self._trained, self.updates = trained, 0
-        self._parts: Mapping[str, Stateful] = {**trained, **targets, **(others or {})}
+    def __init__(self, settings: Algorithm, actor: Network, sizes: tuple[int, int]) -> None:
+        self.settings, self.actor, self.sizes, self.updates = settings, actor, sizes, 0
+        critics = settings.critics.build(sizes)
+        self.actor_state = TrainState(actor, adam(actor, settings.lr))
+        self.critics = TrainState(critics, adam(critics, settings.lr))
+        self.targets = Follower(critics)
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:
@@ -45,12 +38,6 @@ class Agent[Network: StochasticNetwork]:
 
     def set_lr(self, lr: float) -> None:
         """Take all steps that follow at the learning rate ``lr``."""
-        for part in self._trained.values():
-            part.set_lr(lr)
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined(self._parts).arrays, {"updates": self.updates})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, self._parts)
-        self.updates = saved.values["updates"]
+        for part in (getattr(self, name) for name in self.changing):
+            if isinstance(part, TrainState):
+                part.set_lr(lr)

@@ -1,45 +1,13 @@
-"""What action-value critics and actors learn, where several algorithms mean the same, and their target networks."""
+"""What action-value critics and actors learn, where several algorithms mean the same."""
 
 from __future__ import annotations
 
-import copy
-
-import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from aerial_il.algorithms.online.replay_buffer import Batch
 from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import load_weights, weights_of
 from aerial_il.policies.parts.critics import Critics
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork, unsquashed
-
-
-class Target[Network: nn.Module]:
-    """A target network: a copy of a network that follows it slowly.
-
-    Args:
-        network: what is followed.
-
-    Attributes:
-        network: the copy.
-    """
-
-    def __init__(self, network: Network) -> None:
-        self.network = copy.deepcopy(network).requires_grad_(False)
-        self._pairs = list(zip(self.network.parameters(), network.parameters(), strict=True))
-
-    @torch.no_grad()
-    def follow(self, share: float) -> None:
-        """Move that ``share`` of the way to the network as it is now (Polyak averaging)."""
-        for copied, followed in self._pairs:
-            copied.lerp_(followed, share)
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(weights_of(self.network))
-
-    def restore(self, saved: Snapshot) -> None:
-        load_weights(self.network, saved.arrays)
 
 
 def squared_error(

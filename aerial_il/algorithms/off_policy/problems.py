@@ -30,27 +30,19 @@ def check_warmup(settings: Algorithm, env: BatchEnv) -> None:
     check_steps(settings, "warmup", whole_turns(settings.warmup, env.num_envs) + last)
 
 
-def from_reward(settings: Algorithm, given: Given) -> Problem:
-    """Return a problem of the reward alone.
-
-    Raises:
-        InvalidValueError: the run would end before its policy learns.
-    """
-    check_warmup(settings, given.env)
-    return problem.from_reward(settings, given)
-
-
 def from_reward_or_prior(settings: Algorithm, given: Given) -> Problem:
     """Return a problem of the reward alone; with a prior, through that policy's interface and from its weights.
 
     Raises:
-        InvalidValueError: also where the prior cannot fly here, or its weights are none of this policy's.
+        InvalidValueError: the run would end before its policy learns; the prior cannot fly here, or its weights are
+            none of this policy's.
     """
-    if settings.prior is None:
-        return from_reward(settings, given)
     check_warmup(settings, given.env)
-    prior = load_prior(settings.prior, given.env.spec)
-    check_weights(prior, given.policy, settings.prior)
+    source: str | None = getattr(settings, "prior", None)
+    if source is None:
+        return problem.from_reward(settings, given)
+    prior = load_prior(source, given.env.spec)
+    check_weights(prior, given.policy, source)
     if settings.obs_norm:
         raise InvalidValueError(OWN_NORM)
     return Problem(

@@ -16,17 +16,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
-from aerial_il.algorithms.on_policy.settings import Exploration, Rollout
+from aerial_il.algorithms.on_policy.settings import Exploration
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import check_same
 from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
-from aerial_il.algorithms.online.rewards import Source, reward_scheme
+from aerial_il.algorithms.online.rewards import reward_scheme
 from aerial_il.algorithms.online.run import OnlineRun, open_run
-from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
@@ -87,15 +85,6 @@ class FromClone(Algorithm):
     demonstrated: ClassVar[bool] = True
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (PolicySettings,)
     worlds: ClassVar[int] = 64
-
-    warmup: int
-    rollout: Rollout
-    prior: str | None
-    cloning: BC
-    patience: float
-    reward: Source
-    reward_patience: int
-    smoothness: Smoothness
 
     def __post_init__(self) -> None:
         super().__post_init__()

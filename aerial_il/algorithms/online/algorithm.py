@@ -6,15 +6,13 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.interface import check_policy
 from aerial_il.algorithms.online.problem import Given, Problem
 from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun, open_run
-from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.run.cadence import Cadence, Evaluate
+from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.checks import (
     require_choice,
     require_not_negative,
@@ -96,43 +94,11 @@ class Algorithm(ABC):
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
-    __dataclass_fields__: ClassVar[dict[str, Any]]  # an algorithm is one, and of what follows has what it states
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # an algorithm is a dataclass
 
-    steps: int
-    warmup: int
-    offline_steps: int
-    gamma: float
-    lr: float
-    lr_floor: float
-    critic_lr: float
-    actor_every: int
-    alpha: float
-    entropy: float
-    gae_lambda: float
-    clip: float
-    clip_norm: float
-    target_kl: float
-    kl: float
-    gate: float
-    step_size: float
-    cg_iterations: int
-    cg_damping: float
-    critic_hidden: tuple[int, ...]
-    demos_share: float
-    bc_pretrain_steps: int
-    reward: Any  # where it comes from; in adversarial imitation how it is learned
-    reward_patience: int
-    prior: str | None
-    obs_norm: bool
-    replay: Any  # these four are groups of packages above this one: off_policy and on_policy
-    critics: Any
-    hindsight: Any
-    rollout: Any
-    demonstrations: Demonstrations
-    smoothness: Smoothness
-    cadence: Cadence
-    subset: int
-    threads: int
+    if TYPE_CHECKING:  # the machinery below reads what those state that call it
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __post_init__(self) -> None:
         stated = {field.name for field in fields(self)}

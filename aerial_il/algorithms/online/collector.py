@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Part, Snapshot
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
 from aerial_il.policies.parts.layout import Layout
@@ -67,7 +67,7 @@ class Transition(NamedTuple):
     penalties: np.ndarray
 
 
-class Collector:
+class Collector(Part):
     """n worlds of a batch environment, reset one by one as their episodes end.
 
     Args:
@@ -82,6 +82,8 @@ class Collector:
         informed: whether two steps of the learner have had different rewards, or two of its episodes different
             returns: only then is there something to learn.
     """
+
+    changing = ("_seeds", "_ages", "_returns", "frames", "_next", "steps", "_ended", "informed", "_first")
 
     def __init__(self, env: BatchEnv, layout: Layout, *, seed: int, scheme: RewardScheme | None = None) -> None:
         self.env, self.layout, self.n = env, layout, env.num_envs
@@ -155,16 +157,8 @@ class Collector:
         }
 
     def snapshot(self) -> Snapshot:
-        arrays = {
-            "seeds": self._seeds.copy(),
-            "ages": self._ages.copy(),
-            "returns": self._returns.copy(),
-            "frames": self.frames.copy(),
-            "flown": self._actions[:, : max(1, int(self._ages.max()))].copy(),
-        }
-        rewarded = {"informed": self.informed, "first": dict(self._first)}
-        ended = [list(episode) for episode in self._ended]
-        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **rewarded})
+        arrays, values = super().snapshot()
+        return Snapshot({**arrays, "flown": self._actions[:, : max(1, int(self._ages.max()))].copy()}, values)
 
     def restore(self, saved: Snapshot) -> None:
         """Replay the actions since the last resets.
@@ -172,11 +166,8 @@ class Collector:
         Raises:
             InvalidValueError: the environment now answers otherwise than it did.
         """
-        self._seeds, self._ages = saved.arrays["seeds"].copy(), saved.arrays["ages"].copy()
-        self._returns, self._actions = saved.arrays["returns"].copy(), saved.arrays["flown"].copy()
-        self._next, self.steps = saved.values["next"], saved.values["steps"]
-        self._ended = [list(episode) for episode in saved.values["ended"]]
-        self.informed, self._first = saved.values.get("informed", False), dict(saved.values.get("first", {}))
+        super().restore(saved)
+        self._actions = saved.arrays["flown"].copy()
         obs = self.env.reset(self._seeds)
         for age in range(int(self._ages.max(initial=0))):
             obs = self.env.step(self._actions[:, age], self._ages > age).obs

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Part
 from aerial_il.policies.parts.normaliser import Normaliser, hardly_varies
 
 
-class RunningMoments:
+class RunningMoments(Part):
     """Mean and variance of all samples so far, as if all of it had been kept.
 
     Source: T. Chan, G. Golub, R. LeVeque, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances",
@@ -17,6 +17,8 @@ class RunningMoments:
     Args:
         size: elements D.
     """
+
+    changing = ("mean", "square", "count")
 
     def __init__(self, size: int) -> None:
         self.count, self.mean, self.square = 0, np.zeros(size), np.zeros(size)  # square: sum of squared deviations
@@ -37,10 +39,3 @@ class RunningMoments:
     def normaliser(self) -> Normaliser:
         """Return the normaliser to mean 0 and standard deviation 1."""
         return Normaliser(self.mean.astype(np.float32), self.deviation.astype(np.float32))
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot({"mean": self.mean.copy(), "square": self.square.copy()}, {"count": self.count})
-
-    def restore(self, saved: Snapshot) -> None:
-        self.mean, self.square = saved.arrays["mean"].copy(), saved.arrays["square"].copy()
-        self.count = saved.values["count"]

@@ -20,7 +20,7 @@ from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
-from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
+from aerial_il.algorithms.run.state import Part, Stateful, pack, unpack
 from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.core.errors import NoRewardError, TrainingDivergedError
 from aerial_il.core.progress import Progress
@@ -41,7 +41,7 @@ NOTHING_LEARNED = (
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
 
-class OnlineRun:
+class OnlineRun(Part):
     """One run from its first step, or from its newest checkpoint, to its finished policy.
 
     Use it as ``start(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``; what is learned
@@ -54,6 +54,8 @@ class OnlineRun:
         elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
         wrap: makes of the trained network's policy the one that is evaluated and saved; an algorithm may replace it.
     """
+
+    changing = ("elapsed_s", "_before", "_offline", "_means")
 
     def __init__(
         self,
@@ -239,16 +241,6 @@ class OnlineRun:
     def _due(self, every: int) -> bool:
         """Whether a multiple of ``every`` lies within the steps of this turn."""
         return due(every, self.collector.steps, since=self._before)
-
-    def snapshot(self) -> Snapshot:
-        means = self._means.snapshot().values
-        counts = {"before": self._before, "offline": self._offline}
-        return Snapshot({}, {"elapsed_s": self.elapsed_s, **counts, **means})
-
-    def restore(self, saved: Snapshot) -> None:
-        self.elapsed_s, self._before = saved.values["elapsed_s"], saved.values["before"]
-        self._offline = saved.values.get("offline", 0)
-        self._means.restore(saved)
 
 
 @contextmanager

@@ -42,6 +42,7 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
         require_room(temporary, sum(values.nbytes for values in columns.values()))
         for name, values in columns.items():
             file[name] = values
+        file.attrs["made_by"] = "aerial_il"
         file["metadata/fields"] = " ".join(f"{name}:{observed[name].size}" for name in observed.state_names)
     return out
 

@@ -37,15 +37,15 @@ class Propeller:
 
 def propellers(model: mujoco.MjModel) -> tuple[Propeller, ...]:
     """Return the propellers of a staged scene."""
-    found = []
+    turning = []
     for actuator in range(model.nu):
         geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{actuator}")
         if geom < 0 or model.actuator_actadr[actuator] < 0:
             continue
         site, thrust = int(model.actuator_trnid[actuator, 0]), int(model.actuator_actadr[actuator])
         sense = -float(np.sign(model.actuator_gear[actuator, 5])) or 1.0
-        found.append(Propeller(geom, site, thrust, float(model.geom_aabb[geom, 3:].max()), sense))
-    return tuple(found)
+        turning.append(Propeller(geom, site, thrust, float(model.geom_aabb[geom, 3:].max()), sense))
+    return tuple(turning)
 
 
 def turn(data: mujoco.MjData, turning: tuple[Propeller, ...], still: np.ndarray, share: float) -> None:

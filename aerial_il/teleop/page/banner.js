@@ -41,7 +41,7 @@ function lost() {
 
 function watching(status) {
   if (status.asked === page.about.number) {
-    return { title: "Watching", text: "You have asked for the controls.", calm: true };
+    return { title: "Watching", text: "You have asked for the controls. They come when nobody has used them for 30 s.", calm: true };
   }
   const text = status.free ? "Nobody has the controls." : "Somebody else has the controls.";
   return { title: "Watching", text, action: status.free ? "Take the controls" : "Ask for the controls", calm: true };

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
@@ -20,6 +21,7 @@ from aerial_il.teleop.input.frame import LABELS, DeviceFrame
 from aerial_il.teleop.piloting.arbiter import Turn
 from aerial_il.teleop.session import perturb
 
+log = logging.getLogger(__name__)
 POLICY_ACTION = "policy_action"  # topic of what the policy did or would have done, whoever flew
 MAY_DIFFER = ("disturbances", "options")  # of a specification, between episodes of one session
 
@@ -51,6 +53,11 @@ class Logbook:
         self._pilot = f"{HUMAN}{operator}" if policy is None else f"{policy} with {HUMAN}{operator}"
         self._settings = dict(settings or {})
         self._refuse_others()
+        if parts := self.folder.parts():
+            log.warning(
+                "%s holds %d recordings that a killed flight left unfinished (.mcap.part). Save what was written: "
+                "aerial-il recover path=%s", out, len(parts), out,
+            )  # fmt: skip
         self.folder.claim(env.spec)
         self.folder.keep_model(env.model_xml)
         self._recorder = self._new_recorder()

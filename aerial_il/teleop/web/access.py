@@ -6,7 +6,6 @@ import hmac
 import secrets
 import socket
 from ipaddress import ip_address
-from urllib.parse import urlsplit
 
 from aiohttp import web
 
@@ -21,27 +20,31 @@ class Access:
         host: where it is served. secure: whether over https.
 
     Attributes:
-        token: who knows it may come in; a fresh one each time.
+        token: who knows it may come in; a fresh one each time. port: where it is served, once that is known.
     """
 
     def __init__(self, host: str, *, secure: bool) -> None:
-        self._host, self.token = host, secrets.token_urlsafe(16)
+        self._host, self.token, self.port = host, secrets.token_urlsafe(16), 0
         self._scheme = "https" if secure else "http"
 
-    def url(self, port: int) -> str:
-        """Return the address of the page, with its token."""
+    @property
+    def url(self) -> str:
+        """Address of the page, with its token."""
         host = self._host if self._host not in ANYWHERE else own_address()
-        return f"{self._scheme}://{host}:{port}/?token={self.token}"
+        return f"{self._scheme}://{_bracketed(host)}:{self.port}/?token={self.token}"
 
     def knows_token(self, request: web.Request) -> bool:
         return hmac.compare_digest(request.query.get("token", "").encode(), self.token.encode())
 
-    def is_local(self, request: web.Request) -> bool:
-        """Whether the browser asked for this machine by its own name: a foreign name may be made to point here."""
-        host = urlsplit(f"//{request.host}").hostname or ""
+    def is_addressed(self, request: web.Request) -> bool:
+        """Whether the browser asked for this page by its whole address: a foreign name may be made to point here."""
+        host, _, port = request.host.lower().rpartition(":")
+        if port != str(self.port):
+            return False
         if self._host in LOOPBACK:
-            return host in LOOPBACK
-        return host in LOOPBACK or _is_number(host) or host in {name.lower() for name in own_names()}
+            return host in map(_bracketed, LOOPBACK)
+        names = map(_bracketed, (*LOOPBACK, *own_names()))
+        return host in {name.lower() for name in names} or _is_number(host)
 
     def is_own_origin(self, request: web.Request) -> bool:
         """Whether a page of this very address asks; programs that are no browsers send no origin."""
@@ -65,8 +68,14 @@ def own_address() -> str:
             return "127.0.0.1"
 
 
+def _bracketed(host: str) -> str:
+    """Return a host as it stands before a port: addresses of IPv6 in brackets."""
+    return f"[{host}]" if ":" in host else host
+
+
 def _is_number(host: str) -> bool:
+    """Return whether a host, as it stands before a port, is an address in numbers."""
     try:
-        return bool(ip_address(host))
+        return _bracketed(str(ip_address(host.strip("[]")))) == host
     except ValueError:
         return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -93,12 +92,12 @@ def _mapping(raw: Any) -> dict[str, dict[str, tuple[str, ...]]]:
 def _pose(raw: Any) -> Pose | None:
     try:
         return None if raw is None else pose_of(raw)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise MessageError("malformed") from error
 
 
 def _number(value: Any, most: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value) or abs(value) > most:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:  # so is nan refused
         raise MessageError("malformed")
     return float(value)
 

@@ -59,7 +59,7 @@ class Server:
         controls: Controls | None = None,
         summary: Callable[[], str] | None = None,
     ) -> None:
-        self._inbox, self._about, self._host, self.port = inbox, dict(about), host, port
+        self._inbox, self._about, self._host, self._port = inbox, dict(about), host, port
         self._access, self._tls, self._phone = Access(host, secure=tls is not None), tls, Phone()
         self._controls, self._summary = controls, summary
         self.visitors = Visitors()
@@ -73,6 +73,11 @@ class Server:
         self._guard: Guard | None = None
 
     @property
+    def port(self) -> int:
+        """Where it serves, once it has started."""
+        return self._access.port
+
+    @property
     def token(self) -> str:
         """Who knows it may come in."""
         return self._access.token
@@ -80,7 +85,7 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page, with its token."""
-        return self._access.url(self.port)
+        return self._access.url
 
     async def start(self) -> None:
         """Begin to serve.
@@ -98,15 +103,15 @@ class Server:
         await runner.setup()
         assert runner.server is not None
         self._guard = Guard(runner.server)
-        site = web.TCPSite(runner, self._host, self.port, ssl_context=self._tls)
+        site = web.TCPSite(runner, self._host, self._port, ssl_context=self._tls)
         try:
             await site.start()
         except OSError as error:
             await self.close()
             raise PortTakenError(
-                f"port={self.port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
+                f"port={self._port} on {self._host} is taken by another program. Choose another one, or port=0 for any."
             ) from error
-        self.port = runner.addresses[0][1]
+        self._access.port = runner.addresses[0][1]
 
     async def close(self) -> None:
         """End it, and say good-bye to every page."""
@@ -133,20 +138,21 @@ class Server:
             visitor.fresh.set()
 
     async def _index(self, request: web.Request) -> web.Response:
-        if not self._access.is_local(request):
-            return refusal("This address is not the page's own. Open the URL that the terminal shows.")
+        if not self._access.is_addressed(request):
+            hint = f"Open the URL that the terminal shows; a tunnel must keep its port, {self.port}."
+            return refusal(f"This address is not the page's own. {hint}")
         if not self._access.knows_token(request):
             return refusal("The token is missing or wrong. Open the whole URL that the terminal shows, token and all.")
         return page_file("index.html")
 
     async def _asset(self, request: web.Request) -> web.Response:
         name = request.match_info["name"]
-        if name not in ASSETS or not self._access.is_local(request):
+        if name not in ASSETS or not self._access.is_addressed(request):
             return refusal("There is no such page.", status=404)
         return page_file(name, ASSETS[name])
 
     async def _summarise(self, request: web.Request) -> web.Response:
-        if not self._access.is_local(request) or not self._access.knows_token(request):
+        if not self._access.is_addressed(request) or not self._access.knows_token(request):
             return refusal("The token is missing or wrong. Open the summary from the page that you fly on.")
         if self._summary is None:
             return refusal("This flight has no summary.", status=404)
@@ -157,7 +163,7 @@ class Server:
 
     async def _socket(self, request: web.Request) -> web.StreamResponse:
         access = self._access
-        if not access.knows_token(request) or not access.is_local(request) or not access.is_own_origin(request):
+        if not access.knows_token(request) or not access.is_addressed(request) or not access.is_own_origin(request):
             return refusal("The token is missing or wrong, or the page is another one.")
         if len(self.visitors) >= MAX_VISITORS:
             return refusal(f"{MAX_VISITORS} pages are open already; close one.", status=503)
@@ -166,6 +172,7 @@ class Server:
         socket = web.WebSocketResponse(max_msg_size=CLOSING_BYTES, heartbeat=5.0, compress=False)
         await socket.prepare(request)
         visitor = self.visitors.enter(socket)
+        self._watch()
         senders = [asyncio.create_task(work(visitor)) for work in (self._send_pictures, self._send_status)]
         try:
             await self._greet(visitor)
@@ -182,7 +189,12 @@ class Server:
             self._guard.welcome.discard(request.transport)
             if self.visitors.leave(visitor):
                 self._let_go()
+            self._watch()
         return socket
+
+    def _watch(self) -> None:
+        if self.film is not None:
+            self.film.watched = len(self.visitors) > 0
 
     async def _greet(self, visitor: Visitor) -> None:
         await visitor.socket.send_str(json.dumps({"type": "hello", **self._about, "number": visitor.number}))
@@ -215,6 +227,8 @@ class Server:
         elif message.kind == "bind":
             await self._bind(visitor, message)
         else:
+            if message.held or message.pressed or any(message.axes.values()) or message.pose:
+                visitor.touched_s = time.monotonic()
             self._take(message)
 
     def _take(self, message: Message) -> None:
@@ -286,6 +300,8 @@ class Server:
     async def _send_status(self, visitor: Visitor) -> None:
         while True:
             visitors = self.visitors
+            if visitors.pass_on():
+                self._let_go()
             around = {
                 "role": visitors.role(visitor),
                 "free": visitors.controller is None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections import Counter
 from dataclasses import dataclass, field
 from itertools import count
@@ -12,6 +13,7 @@ from aiohttp import web
 from aerial_il.teleop.web.link import Link
 from aerial_il.teleop.web.messages import Bucket
 
+FORGOTTEN_S = 30.0  # a page with the controls that nobody touched for so long hands them over when asked
 MAX_UNSEEN = 2  # pictures on their way to a page; more would only grow older
 
 
@@ -22,7 +24,8 @@ class Visitor:
     Attributes:
         number: which one. socket: its connection. sent: number of the last picture sent. on_way: those that it has not
             shown yet. bucket: how many messages it may send. dropped: those that were not believed, by reason.
-        link: how wide its link is. fresh: set when there may be a picture to send.
+        link: how wide its link is. fresh: set when there may be a picture to send. touched_s: when a control was last
+            held or moved on it.
     """
 
     number: int
@@ -32,6 +35,7 @@ class Visitor:
     bucket: Bucket = field(default_factory=Bucket)
     dropped: Counter[str] = field(default_factory=Counter)
     link: Link = field(default_factory=Link)
+    touched_s: float = field(default_factory=time.monotonic)
     fresh: asyncio.Event = field(default_factory=asyncio.Event)
 
     @property
@@ -92,6 +96,11 @@ class Visitors:
         if visitor is not self.controller:
             self.asking = visitor
         return False
+
+    def pass_on(self) -> bool:
+        """Hand the controls of a forgotten page to who asks; return whether they changed hands."""
+        page = self.controller
+        return page is not None and time.monotonic() - page.touched_s > FORGOTTEN_S and self.grant(page)
 
     def grant(self, visitor: Visitor) -> bool:
         """Hand the controls to who asks; return whether they changed hands: only who has them may."""

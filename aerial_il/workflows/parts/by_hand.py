@@ -6,7 +6,6 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
 from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
@@ -36,7 +35,7 @@ def suited[P: PolicySettings](
         return algorithm, policy
     episodes = reading.open(path, failures=True, states=False).one_of_each()
     flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
-    if not flown or not (by_hand or all(_relabels(e) for e in flown)):
+    if not flown or not (by_hand or all(e.spec.action.level == LEVEL for e in flown)):
         return algorithm, policy
     said = []
     if before == BC.waypoints:
@@ -50,7 +49,3 @@ def suited[P: PolicySettings](
         who = ", ".join(sorted({str(e.provenance.get("policy", "unknown")) for e in flown}))
         log.info("Flown by hand (%s): %s. As recorded: dataset.by_hand=false", who, "; ".join(said))
     return algorithm, policy
-
-
-def _relabels(episode: Episode) -> bool:
-    return episode.spec.action.level == LEVEL

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
@@ -65,40 +65,22 @@ def training_resources(
         return
     from aerial_il.algorithms.online.rewards import forfeits_by_success
     from aerial_il.collection.collect import collect
+    from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
     from aerial_il.workflows.parts.page import OPERATORS, operator
 
     by_hand = expert in OPERATORS
     scripted = "expert" in needs and not by_hand
+    typed = reference.env if reference else None
     spec = None if dataset is None else reading.open(dataset, states=False).spec
-    where, asked = _place(spec, reference, images, expert, scripted=scripted)
+    asked = _expert(spec, expert, typed) if spec and scripted else None
+    where = reference_of(spec, images=images, typed=typed) if spec else reference or EnvironmentReference()
     worlds = 1 if by_hand else num_envs or algorithm.worlds
     env = where.load(num_envs=worlds, threads=1 if by_hand else threads, tier=tier)
     if forfeits_by_success(algorithm) and env.ends_at_success:
         log.warning(FORFEITED)
-    try:
-        with operator(expert, env, port=port) if by_hand else nullcontext(asked) as teacher:
-            handed = {"env": env, "expert": teacher, "collect": collect}
-            yield {name: handed[name] for name in needs}
-    finally:
-        env.close()
-
-
-def _place(
-    spec: EnvSpec | None,
-    reference: EnvironmentReference | None,
-    images: tuple[str, ...],
-    expert: str | None,
-    *,
-    scripted: bool,
-) -> tuple[EnvironmentReference, Policy | None]:
-    """Return where to fly, and the expert of that place where one is asked that is no person."""
-    from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
-
-    if spec is None:
-        return reference or EnvironmentReference(), None
-    typed = reference.env if reference else None
-    asked = _expert(spec, expert, typed) if scripted else None
-    return reference_of(spec, images=images, typed=typed), asked
+    with closing(env), operator(expert, env, port=port) if by_hand else nullcontext(asked) as demonstrator:
+        handed = {"env": env, "expert": demonstrator, "collect": collect}
+        yield {name: handed[name] for name in needs}
 
 
 def _expert(spec: EnvSpec, source: str | None, typed: str | None) -> Policy:

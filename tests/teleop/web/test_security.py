@@ -38,6 +38,11 @@ async def a_server(**settings) -> Server:
         ("127.0.0.1", {"Host": "localhost:{port}"}, 200),
         ("127.0.0.1", {"Host": "rebound.example:{port}"}, 403),
         ("127.0.0.1", {"Host": "127.0.0.1.example:{port}"}, 403),
+        ("127.0.0.1", {"Host": "[::1]:{port}"}, 200),
+        ("127.0.0.1", {"Host": "evil.example@127.0.0.1:{port}"}, 403),
+        ("127.0.0.1", {"Host": "127.0.0.1:{port}.evil.example"}, 403),
+        ("127.0.0.1", {"Host": "localhost:1"}, 403),
+        ("127.0.0.1", {"Host": "localhost"}, 403),
         ("127.0.0.1", {"Host": "10.0.0.7:{port}"}, 403),
         ("127.0.0.1", {"Host": ""}, 403),
         ("0.0.0.0", {"Host": "10.0.0.7:{port}"}, 200),
@@ -108,7 +113,15 @@ async def test_each_session_has_a_token_of_its_own() -> None:
     await second.close()
 
 
-PATHS = ("/../server.py", "/%2e%2e/server.py", "/..%2fserver.py", "//etc/passwd", "/app.js%00.css", "/page/app.js")
+PATHS = (
+    "/index.html",
+    "/../server.py",
+    "/%2e%2e/server.py",
+    "/..%2fserver.py",
+    "//etc/passwd",
+    "/app.js%00.css",
+    "/page/app.js",
+)
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -8,6 +8,8 @@ from xml.etree.ElementTree import Element, SubElement
 import mujoco
 import numpy as np
 
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.mjcf import check_scene
 from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.joints import JointFigures
 from aerial_il.robots.parts.described.mesh_files import MeshFiles
@@ -25,7 +27,7 @@ REFUSED = {
     "flex": "it is deformable",
     "hfield": "it is terrain",
 }
-UNUSED = ("texture", "skin", "layer", "keyframe", "size", "statistic", "visual", "sensor")
+UNUSED = ("texture", "skin", "layer", "keyframe", "size", "statistic", "visual", "sensor", "custom")
 SETTINGS = {"discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
 FOLDERS = ("meshdir", "assetdir", "texturedir", "boundmass", "boundinertia", "settotalmass", "strippath")
 HINGE, BY_JOINT = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtTrn.mjTRN_JOINT)
@@ -45,6 +47,8 @@ def prepare(root: Element, source: Path, meshes: MeshFiles) -> None:
     remove(root, UNUSED)
     for material in root.iter("material"):
         material.attrib.pop("texture", None)
+    for element in root.iter():
+        element.attrib.pop("user", None)
     folder = _mesh_folder(root)
     for mesh in root.iter("mesh"):
         if mesh.get("builtin"):
@@ -54,11 +58,14 @@ def prepare(root: Element, source: Path, meshes: MeshFiles) -> None:
             name = mesh.get("name") or Path(reference).stem
             mesh.set("name", name)
             mesh.set("file", meshes.add(name, f"{folder}{reference}"))
-    _refuse_files(root, source)
     for compiler in root.iter("compiler"):
         for word in FOLDERS:
             compiler.attrib.pop(word, None)
     SubElement(root, "compiler", SETTINGS)
+    try:
+        check_scene(root, files=tuple(meshes.contents))
+    except InvalidValueError as error:
+        raise ModelFileError(source, f"{error}.") from error
 
 
 def _mesh_folder(root: Element) -> str:
@@ -66,13 +73,6 @@ def _mesh_folder(root: Element) -> str:
     for compiler in root.iter("compiler"):
         folder = compiler.get("meshdir") or compiler.get("assetdir") or folder
     return f"{folder.rstrip('/')}/" if folder else ""
-
-
-def _refuse_files(root: Element, source: Path) -> None:
-    for element in root.iter():
-        named = [word for word in element.attrib if word.startswith("file")]
-        if named and element.tag != "mesh":
-            raise ModelFileError(source, f"<{element.tag}> names the file {element.get(named[0])!r}; only meshes may.")
 
 
 def joint_figures(model: mujoco.MjModel) -> dict[str, JointFigures]:

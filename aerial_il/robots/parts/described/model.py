@@ -10,6 +10,7 @@ from xml.etree.ElementTree import Element
 import mujoco
 import numpy as np
 
+from aerial_il.core.scene_gate import COMPILE_ERRORS, try_compiling
 from aerial_il.robots.parts.described import hull, mjcf, urdf
 from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.inertia import RigidBody
@@ -168,12 +169,12 @@ def read_model(path: str | Path, meshes: str | Path | None = None) -> Model:
 
 
 def _compiled(root: Element, source: Path, files: MeshFiles) -> mujoco.MjModel:
+    xml = ElementTree.tostring(root, encoding="unicode")
     try:
-        spec = mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode"), assets=files.contents)
-        return spec.compile()
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        said = " ".join(str(error).split())
-        raise ModelFileError(source, f"MuJoCo cannot compile it: {said}.") from error
+        try_compiling(xml, files.contents)
+        return mujoco.MjSpec.from_string(xml, assets=files.contents).compile()
+    except COMPILE_ERRORS as error:
+        raise ModelFileError(source, f"{error}.") from error
 
 
 def _refuse_guessed_inertia(model: mujoco.MjModel, source: Path, files: MeshFiles) -> None:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.xml_tree import MAX_BYTES, parse_xml
 from aerial_il.robots.parts.described.error import ModelFileError
-
-MAX_BYTES, MAX_ELEMENTS, MAX_DEPTH = 8 << 20, 20_000, 100
 
 
 def read_tree(path: Path) -> Element:
-    """Return the root element of an XML file.
-
-    Entities are refused before anything is parsed, whatever their size: no model needs one.
+    """Return the root element of an XML file, without what is named by a prefix, as tools of others leave notes.
 
     Raises:
         ModelFileError: not a file, too large, not UTF-8, with a document type, malformed, or nested too deeply.
@@ -24,28 +21,14 @@ def read_tree(path: Path) -> Element:
     if path.stat().st_size > MAX_BYTES:
         raise ModelFileError(path, f"it has {path.stat().st_size} bytes, and {MAX_BYTES} is the most that is read.")
     try:
-        text = path.read_text(encoding="utf-8")
+        root = parse_xml(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise ModelFileError(path, f"it cannot be read as UTF-8 text ({error}).") from error
-    if "<!DOCTYPE" in text or "<!ENTITY" in text:
-        raise ModelFileError(path, "it declares a document type or entities, which are not read. Remove them.")
-    try:
-        root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
-        raise ModelFileError(path, f"it is not well-formed XML ({error}).") from error
-    _check_size(root, path)
+    except InvalidValueError as error:
+        raise ModelFileError(path, f"{error}.") from error
+    foreign = {element.tag for element in root.iter() if ":" in element.tag and not element.tag.startswith("xacro:")}
+    remove(root, tuple(foreign))
     return root
-
-
-def _check_size(root: Element, path: Path) -> None:
-    """Refuse what would swell, or overflow the stack of who reads it next."""
-    count, level, depth = 0, [root], 0
-    while level:
-        count, depth = count + len(level), depth + 1
-        if count > MAX_ELEMENTS or depth > MAX_DEPTH:
-            limits = f"{MAX_ELEMENTS} elements, {MAX_DEPTH} within one another"
-            raise ModelFileError(path, f"it has more elements than are read: at most {limits}.")
-        level = [child for element in level for child in element]
 
 
 def remove(root: Element, unwanted: tuple[str, ...]) -> None:
