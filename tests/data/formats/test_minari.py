@@ -14,14 +14,14 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.pendulum import DatasetFolder
 from aerial_il.data.formats import minari as form
 
 ENV, STEPS = "Pendulum-v1", (12, 9)
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def pendulum(tmp_path: Path) -> Path:
     """Two episodes in the layout that ``HDF5Storage`` of Minari 0.5 writes."""
     data = tmp_path / "pendulum" / "data"
     data.mkdir(parents=True)
@@ -36,11 +36,11 @@ def folder(tmp_path: Path) -> Path:
     return data.parent
 
 
-def test_every_value_is_read(folder: Path) -> None:
-    dataset = open_dataset(folder)
+def test_every_value_is_read(pendulum: Path) -> None:
+    dataset = open_dataset(pendulum)
     assert dataset.uids == ("episode_0", "episode_1")
     assert (dataset.spec.robot, dataset.spec.task, dataset.spec.max_steps) == ("gymnasium", ENV, max(STEPS))
-    with h5py.File(folder / "data/main_data.hdf5") as file:
+    with h5py.File(pendulum / "data/main_data.hdf5") as file:
         raw: Any = file
         for episode in dataset:
             np.testing.assert_array_equal(episode.obs["observation"], raw[f"{episode.uid}/observations"])
@@ -50,10 +50,10 @@ def test_every_value_is_read(folder: Path) -> None:
             assert not episode.spec.differences(dataset.spec)
 
 
-def test_it_trains_and_flies_in_the_environment_that_it_names(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(folder.parent)
+def test_it_trains_and_flies_in_the_environment_that_it_names(pendulum: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(pendulum.parent)
     small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
-    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    assert main(["train", f"dataset={pendulum}", "run=run", "algorithm.validate_every=0", *small]) == 0
     judged = ["episodes=2", "videos=0", "out=judged", "success=survived", "max_steps=5", "progress=false"]
     assert main(["evaluate", "policy=run", *judged]) == 0
 
@@ -110,28 +110,28 @@ def test_minari_s_spaces_that_are_not_read_are_named(
         ("rewards", None, "lacks /episode_0/rewards"),
     ],
 )
-def test_what_cannot_be_used_is_named(folder: Path, name: str, values: object, said: str) -> None:
-    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+def test_what_cannot_be_used_is_named(pendulum: Path, name: str, values: object, said: str) -> None:
+    with h5py.File(pendulum / "data/main_data.hdf5", "a") as file:
         del file[f"episode_0/{name}"]
         if values is not None:
             file[f"episode_0/{name}"] = values
     with pytest.raises(DemoError, match=said):
-        open_dataset(folder)[0]
+        open_dataset(pendulum)[0]
 
 
-def test_more_than_memory_is_refused_before_it_is_read(folder: Path) -> None:
-    with h5py.File(folder / "data/main_data.hdf5", "a") as file:
+def test_more_than_memory_is_refused_before_it_is_read(pendulum: Path) -> None:
+    with h5py.File(pendulum / "data/main_data.hdf5", "a") as file:
         del file["episode_0/observations"]
         file.create_dataset("episode_0/observations", (10**9, 3), "f4", chunks=(1000, 3), fillvalue=1.0)
     with pytest.raises(DemoError, match="absurdly large"):
-        open_dataset(folder)
+        open_dataset(pendulum)
 
 
-def test_an_environment_that_names_a_module_is_not_imported(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (folder / "data/metadata.json").write_text(json.dumps({"env_spec": json.dumps({"id": "antigravity:X-v0"})}))
-    monkeypatch.chdir(folder.parent)
+def test_an_environment_that_names_a_module_is_not_imported(pendulum: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (pendulum / "data/metadata.json").write_text(json.dumps({"env_spec": json.dumps({"id": "antigravity:X-v0"})}))
+    monkeypatch.chdir(pendulum.parent)
     small = ["algorithm.steps=2", "policy.hidden=[8]", "policy.chunk=2", "progress=false"]
-    assert main(["train", f"dataset={folder}", "run=run", "algorithm.validate_every=0", *small]) == 0
+    assert main(["train", f"dataset={pendulum}", "run=run", "algorithm.validate_every=0", *small]) == 0
     assert main(["evaluate", "policy=run", "episodes=1", "out=judged"]) == 2
     assert "antigravity" not in __import__("sys").modules
 
