@@ -14,7 +14,7 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.data.dataset import open_dataset
-from aerial_il.data.pendulum import DatasetFolder
+from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats import minari as form
 
 ENV, STEPS = "Pendulum-v1", (12, 9)
