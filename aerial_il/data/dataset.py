@@ -47,6 +47,11 @@ class Dataset:
         return self.survey.loaders
 
     @property
+    def files(self) -> Mapping[str, Path]:
+        """Uid -> the file of a recorded episode, where each has one of its own."""
+        return self.survey.files
+
+    @property
     def uids(self) -> tuple[str, ...]:
         return tuple(self._loaders)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from aerial_il.core.computer import MEMORY_MB
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import UNKNOWN, EnvSpec, Group
 from aerial_il.data.episode import Episode
 
@@ -172,3 +172,19 @@ class Source:
     borders: bool = True
     files: Mapping[str, Path] = field(default_factory=dict)
     parts: Sequence[Source] = ()
+
+    def part(self, filter_key: str | None) -> Source:
+        """Return the part of the dataset that it names so, or all of it for None.
+
+        Raises:
+            InvalidValueError, UnknownNameError: it names no parts, or none of that name.
+        """
+        if filter_key is None:
+            return self
+        if not self.filters:
+            raise InvalidValueError(f"{self.path} names no parts of itself: leave out filter_key={filter_key}.")
+        if filter_key not in self.filters:
+            raise UnknownNameError("filter_key", filter_key, sorted(self.filters))
+        kept = {*self.filters[filter_key]}
+        raw = {uid: read for uid, read in self.raw.items() if uid in kept}
+        return replace(self, raw=raw, recorded={uid: read for uid, read in self.recorded.items() if uid in kept})

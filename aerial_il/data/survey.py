@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -42,6 +41,7 @@ class Survey:
         loaders: uid -> function that reads the episode, and raises :class:`DemoError` if it cannot be used.
         left_out: uid -> why it is not among them. notes: uid -> what is odd about it, or was mended.
         assumed: what is taken for granted, as no file says it. strict: whether to leave nothing out.
+        files: uid -> the file of a recorded episode, where each has one of its own.
     """
 
     loaders: dict[str, Loader] = field(default_factory=dict)
@@ -49,6 +49,7 @@ class Survey:
     notes: dict[str, list[str]] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)
     strict: bool = False
+    files: Mapping[str, Path] = field(default_factory=dict)
 
     @contextmanager
     def leaving_out(self, uid: str) -> Iterator[None]:
@@ -115,7 +116,7 @@ def surveyed(source: Source, wanted: Wanted) -> Survey:
         DemoError: nothing can be used; or something cannot, and ``wanted`` is strict.
         InvalidValueError, UnknownNameError: there is no camera or part of the dataset of that name.
     """
-    source, survey = _filtered(source, wanted), Survey(strict=wanted.strict)
+    source, survey = source.part(wanted.filter_key), Survey(strict=wanted.strict, files=source.files)
     if wanted.answered and (source.recorded or source.spec):
         raise InvalidValueError(f"{source.path} was recorded here and says it itself: leave out {wanted.answered}.")
     for uid, read in source.recorded.items():
@@ -279,21 +280,6 @@ def _spec(source: Source, kinds: Mapping[str, Kind], marks: Sequence[Mark], peri
         state_size=states.pop() if len(states) == 1 else 0,
         controller=NO_CONTROLLER,
     )
-
-
-def _filtered(source: Source, wanted: Wanted) -> Source:
-    """Return the part of a dataset that ``filter_key`` names, or all of it."""
-    if wanted.filter_key is None:
-        return source
-    if not source.filters:
-        raise InvalidValueError(f"{source.path} names no parts of itself: leave out filter_key={wanted.filter_key}.")
-    if wanted.filter_key not in source.filters:
-        raise UnknownNameError("filter_key", wanted.filter_key, sorted(source.filters))
-    kept = {*source.filters[wanted.filter_key]}
-    held: dict[str, Any] = {
-        name: {uid: read for uid, read in getattr(source, name).items() if uid in kept} for name in ("raw", "recorded")
-    }
-    return replace(source, **held)
 
 
 def _check_cameras(spec: EnvSpec, wanted: Wanted) -> None:

@@ -1,93 +1,35 @@
-"""Read LeRobot v3 datasets, ours or foreign ones, straight from their files: nothing is opened that is not complete.
-
-lerobot answers an incomplete dataset by asking the network for it, so completeness is checked here first.
-"""
+"""Read LeRobot v3 datasets, ours or foreign ones, straight from their files: nothing is opened that is not complete."""
 
 from __future__ import annotations
 
-import hashlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, DemoError
-from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import UNKNOWN, EnvSpec, Field, Group
-from aerial_il.data.formats.parts.content_digest import sealed
+from aerial_il.data.formats.parts.lerobot.files import REBUILD, check_lerobot, parquets, provenance, read_table
 from aerial_il.data.formats.parts.lerobot.identity import UID, declared_spec, distinct
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
 from aerial_il.data.formats.parts.lerobot.videos import camera_fields, clip_of, field_name, read_clip, read_stills
 from aerial_il.data.source import Later, Raw, Rows, Source
 
-REBUILD = "Derive it anew from the recordings with: aerial-il convert"
-SUPPORTED = "v3."
 SERIES = {  # column -> what it is
     "next.reward": "rewards", "next.success": "success", "next.done": "done", "next.terminated": "terminated",
     "next.truncated": "truncated", "frame_index": "frames", "timestamp": "times",
 }  # fmt: skip
 NUMBERS = ("float", "int", "uint", "bool")
-MAX_TABLE_BYTES = 160 << 20
 MAX_EPISODES = 100_000
-TEXTS = "tasks.list.element"  # of episodes; a text that repeats is kept once, as a demo.uid is
-MAX_SWELLING = 8  # times the bytes of a file that its columns may take
 FAULTS = (LookupError, ArithmeticError, ValueError, TypeError, AttributeError, MemoryError, OSError, pa.ArrowException)
 GROUPS: dict[str, Group] = {STATE: "proprio", ENVIRONMENT: "task"}
-
-
-def check_lerobot(path: Path | str) -> dict[str, Any]:
-    """Require that all files of a LeRobot v3 dataset are there and whole; return its ``info.json``.
-
-    Raises:
-        DemoError: names the file that is missing, cut, inconsistent or outside the folder.
-    """
-    path = Path(path)
-    info = _read_json(path / "meta" / "info.json")
-    try:
-        _check_info(path, info)
-    except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise DemoError(path / "meta" / "info.json", f"is malformed ({error!r}).") from error
-    rows, episodes = _count_rows(path, "data"), _count_rows(path, "meta/episodes")
-    for what, expected, got in (("frames", info["total_frames"], rows), ("episodes", info["total_episodes"], episodes)):
-        if expected != got:
-            raise DemoError(path, f"is incomplete: its {what} do not add up.", expected=expected, got=got, hint=REBUILD)
-    _check_files(path, _provenance(path))
-    return info
-
-
-def altered_files(path: Path) -> list[Path]:
-    """Return the files of a dataset whose SHA-256 differs from what was written, videos included."""
-    listed = {path / _inside(path, name): entry["sha256"] for name, entry in _provenance(path)["files"].items()}
-    return [file for file, digest in listed.items() if sha256_of(file) != digest]
-
-
-def _check_files(path: Path, provenance: Mapping[str, Any]) -> None:
-    """Require that the files are those that were written; videos, which are not read here, by their sizes."""
-    for name, entry in provenance["files"].items():
-        file = path / _inside(path, name)
-        got = file.stat().st_size if file.is_file() else "no file"
-        if got != entry["bytes"]:
-            raise DemoError(file, "is missing or cut.", expected=f"{entry['bytes']} bytes", got=got, hint=REBUILD)
-        if file.suffix in (".parquet", ".json") and sha256_of(file) != entry["sha256"]:
-            raise DemoError(file, "was changed after it was written: its SHA-256 differs.", hint=REBUILD)
-
-
-def _provenance(path: Path) -> dict[str, Any]:
-    """Return what we keep, sealed, beside LeRobot's files; of a dataset of others, that nothing is."""
-    if not (path / PROVENANCE).is_file():
-        return {"files": {}, "episodes": []}
-    tree = _read_json(path / PROVENANCE)
-    if tree.pop("seal", None) != hashlib.sha256(sealed(tree)).hexdigest():
-        raise DemoError(path / PROVENANCE, "was changed after it was written.", hint=REBUILD)
-    return tree
 
 
 def read(path: Path) -> Source:
@@ -114,7 +56,7 @@ def _typed(path: Path) -> Iterator[None]:
 
 
 def _source(path: Path, info: Mapping[str, Any]) -> Source:
-    features, told, ours = info["features"], _told(path), _provenance(path)
+    features, told, ours = info["features"], _told(path), provenance(path)
     spec = _recorded_spec(path, ours) or declared_spec(features)
     vectors: dict[str, Group] = (
         GROUPS if spec else {name: GROUPS.get(name, "proprio") for name in features if _is_vector(name, features)}
@@ -123,7 +65,7 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
     shapes = {name: tuple(map(int, features[name]["shape"])) for name in (*vectors, ACTION) if name in features}
     columns = [name for name in (*vectors, *SERIES, "episode_index", ACTION, UID) if name in features]
-    table = _by_episode(pa.concat_tables([_read_table(file, columns) for file in _parquets(path, "data")]))
+    table = _by_episode(pa.concat_tables([read_table(file, columns) for file in parquets(path, "data")]))
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     origins = {entry["uid"]: entry for entry in ours["episodes"]}
@@ -176,7 +118,7 @@ def _pictures(
     def load(chosen: slice) -> np.ndarray:
         with _typed(path):
             if info["features"][key]["dtype"] == "image":
-                return read_stills(path, _parquets(path, "data"), key, number, field.shape)[chosen]
+                return read_stills(path, parquets(path, "data"), key, number, field.shape)[chosen]
             times = (
                 rows["timestamp"].to_numpy() if "timestamp" in rows.column_names else np.arange(len(rows)) / info["fps"]
             )
@@ -188,11 +130,9 @@ def _pictures(
 def _told(path: Path) -> pa.Table:
     """Return what ``meta/episodes`` says of each episode: length, task texts and places in videos; no statistics."""
     tables = []
-    for file in _parquets(path, "meta/episodes"):
+    for file in parquets(path, "meta/episodes"):
         kept = ("episode_index", "length", "tasks")
-        tables.append(
-            _read_table(file, [n for n in pq.read_schema(file).names if n in kept or n.startswith("videos/")])
-        )
+        tables.append(read_table(file, [n for n in pq.read_schema(file).names if n in kept or n.startswith("videos/")]))
     if sum(map(len, tables)) > MAX_EPISODES:
         got = sum(map(len, tables))
         raise DemoError(path, "has absurdly many episodes.", expected=f"at most {MAX_EPISODES}", got=got)
@@ -276,20 +216,6 @@ def _fields(spec: EnvSpec, vectors: Mapping[str, np.ndarray]) -> dict[str, np.nd
     return obs
 
 
-def _read_table(file: Path, columns: Sequence[str]) -> pa.Table:
-    """Read some columns of a file, unless they would swell to far more than the file holds."""
-    try:
-        metadata, size = pq.read_metadata(file), file.stat().st_size
-        groups = [metadata.row_group(i) for i in range(metadata.num_row_groups)]
-        leaves = [group.column(i) for group in groups for i in range(group.num_columns)]
-        claimed = 8 * sum(leaf.num_values for leaf in leaves if leaf.path_in_schema.split(".list.")[0] in columns)
-        if claimed > max(MAX_TABLE_BYTES, MAX_SWELLING * size):
-            raise DemoError(file, f"has {size} bytes and claims to hold {claimed}.", hint=REBUILD)
-        return pq.read_table(file, columns=list(columns), read_dictionary=[UID, TEXTS])
-    except (pa.ArrowException, OSError) as error:
-        raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
-
-
 def _vectors(path: Path, rows: pa.Table, column: str, shape: tuple[int, ...]) -> np.ndarray:
     """Return a column of vectors as (T, *shape) float64, exact."""
     flat, widths = rows[column].combine_chunks(), {math.prod(shape)}
@@ -307,45 +233,3 @@ def _recorded_spec(path: Path, provenance: Mapping[str, Any]) -> EnvSpec | None:
         return EnvSpec.from_dict(provenance["spec"]) if "spec" in provenance else None
     except AerialError as error:
         raise DemoError(path / PROVENANCE, f"has a malformed specification ({error}).") from error
-
-
-def _check_info(path: Path, info: Mapping[str, Any]) -> None:
-    if not str(info["codebase_version"]).startswith(SUPPORTED):
-        raise DemoError(path, "is of another LeRobot version.", expected=f"{SUPPORTED}x", got=info["codebase_version"])
-    for key in ("data_path", "video_path"):
-        if info.get(key):
-            _inside(path, str(info[key]))
-    if info["total_episodes"] and not _parquets(path, "data"):
-        raise DemoError(path / "data", "is missing.", hint=REBUILD)
-
-
-def _inside(path: Path, name: str) -> PurePosixPath:
-    """Return a relative path that stays within the dataset."""
-    relative = PurePosixPath(name)
-    if relative.is_absolute() or ".." in relative.parts:
-        raise DemoError(path, "refers to a place outside itself.", got=name)
-    return relative
-
-
-def _parquets(path: Path, folder: str) -> list[Path]:
-    return sorted((path / folder).rglob("*.parquet"))
-
-
-def _count_rows(path: Path, folder: str) -> int:
-    total = 0
-    for file in _parquets(path, folder):
-        try:
-            total += pq.read_metadata(file).num_rows
-        except (pa.ArrowException, OSError) as error:
-            raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
-    return total
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        tree = read_json(path)
-    except (OSError, ValueError) as error:
-        raise DemoError(path, f"cannot be read ({error}).", hint=REBUILD) from error
-    if not isinstance(tree, dict):
-        raise DemoError(path, "is not a JSON object.", hint=REBUILD)
-    return tree

@@ -90,7 +90,10 @@ class StateWriter:
         meta, info = self.meta, self.meta.info
         meta._save_episode_metadata({**episode, **flatten_dict({"stats": statistics})})
         info.total_episodes, info.total_frames = info.total_episodes + 1, info.total_frames + episode["length"]
-        info.total_tasks, info.splits = len(meta.tasks), {"train": f"0:{info.total_episodes}"}
+        info.total_tasks, info.splits = (
+            0 if meta.tasks is None else len(meta.tasks),
+            {"train": f"0:{info.total_episodes}"},
+        )
         meta.stats = aggregate_stats([meta.stats, statistics]) if meta.stats is not None else statistics
 
     def _write(self, columns: Mapping[str, np.ndarray], start: int, length: int) -> None:
