@@ -60,6 +60,9 @@ class Dataset:
         """The specification of the first episode's environment."""
         return self[0].spec
 
+    def __repr__(self) -> str:
+        return f"Dataset({self.path}: {len(self)} episodes)"
+
     def __len__(self) -> int:
         return len(self._loaders)
 

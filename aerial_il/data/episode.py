@@ -56,6 +56,10 @@ class Episode:
     extras: Mapping[str, np.ndarray] = field(default_factory=dict)
     extra_labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        where, end = f"{self.spec.robot}/{self.spec.task}", "success" if self.success else "no success"
+        return f"Episode({self.uid}: {len(self)} steps of {where}, {end}, {', '.join(self.obs)})"
+
     def __len__(self) -> int:
         """Return the number of control steps T."""
         return len(self.actions)

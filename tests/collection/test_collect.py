@@ -25,6 +25,7 @@ from aerial_il.data.replay import replay
 from aerial_il.suite.scenario import horizon_of
 from tests.data.crane import CraneBatch, CraneExpert
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(10)
 CHILD = """
 import sys

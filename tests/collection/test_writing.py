@@ -27,6 +27,7 @@ from aerial_il.data.recording.writer import is_being_written
 from tests.collection.test_collect import digests
 from tests.data.crane import CraneBatch, CraneExpert, StepResult
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(24)
 WORLDS = 8
 SLOW_CHILD = """

@@ -21,6 +21,7 @@ from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(100, 112)
 QUIET = "progress=false"
 CART = ["policy=random", "env=gymnasium:CartPole-v1", "success=survived", "threads=1", "videos=0", QUIET]

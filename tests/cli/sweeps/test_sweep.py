@@ -24,6 +24,7 @@ from aerial_il.cli.words import LAUNCHER, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from tests.patience import HANG_S
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
 
 

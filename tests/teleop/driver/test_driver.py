@@ -19,7 +19,7 @@ from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.eyes import Eyes, Sight
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.operator import DriverOperator
-from aerial_il.teleop.driver.plan import Wish, plan_for
+from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
@@ -139,22 +139,6 @@ def beside_the_cube(ahead: float, up: float, gripper: float, leaning: float = 0.
     return Sight(status, numbers)  # type: ignore[arg-type]  # the rest is not looked at
 
 
-def test_who_takes_over_goes_on_from_where_it_is() -> None:
-    high = replace(Habit.draw(np.random.default_rng(0)), height=0.2, side=0.1)
-
-    def first_wish(sight: Sight) -> Wish:
-        plan = plan_for("pick_place")
-        plan.begin(sight, high)
-        return plan.wish(sight)
-
-    low = first_wish(beside_the_cube(0.05, -0.12, 1.0))
-    assert low.part == "over"
-    assert low.offset == pytest.approx((0.05, 0.0, 0.0)), "straight, and neither up nor down"
-    assert first_wish(beside_the_cube(0.5, -0.12, 1.0)).offset[2] == pytest.approx(0.08), "on a long way at its height"
-    assert first_wish(beside_the_cube(0.005, -0.003, 0.45)).grip == 1, "a grasp that has begun is not let go"
-    assert first_wish(beside_the_cube(0.019, -0.003, 1.0)).part == "down", "with the cube between the fingers"
-
-
 def test_a_cube_is_given_up_after_three_tries() -> None:
     plan = plan_for("pick_place")
     plan.begin(beside_the_cube(0.0, -0.1, 1.0), Habit.draw(np.random.default_rng(0)))
@@ -162,21 +146,3 @@ def test_a_cube_is_given_up_after_three_tries() -> None:
     wishes = [plan.wish(sight) for _ in range(3) for sight in [*[over] * 2, *[between] * 75]]
     tries = 1 + [w.hopeless for w in wishes].index(True) // 77
     assert [tries, {w.part for w in wishes}, wishes[-1].hopeless] == [3, {"over", "down", "close"}, True]
-
-
-def test_a_tool_that_leans_is_straightened_above_the_cube() -> None:
-    plan = plan_for("pick_place")
-    plan.begin(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4), Habit.draw(np.random.default_rng(0)))
-    wishes = [plan.wish(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4)) for _ in range(20)]
-    assert [wishes[0].part, wishes[-1].part] == ["over", "straighten"], "not at a mere sway"
-    assert wishes[-1].mode == "wrist"
-    assert wishes[-1].turn == pytest.approx((0.0, -0.4, 0.0)), "the nose was too far down"
-    assert wishes[-1].offset == pytest.approx((0.0, 0.0, 0.04)), "up to where nothing is in the way"
-    assert plan.wish(beside_the_cube(0.03, -0.09, 1.0, leaning=0.05)).part == "over"
-
-
-def test_fingers_pushed_aside_again_and_again_give_up() -> None:
-    plan = plan_for("pick_place")
-    plan.begin(beside_the_cube(0.0, -0.1, 1.0), Habit.draw(np.random.default_rng(0)))
-    sights = [beside_the_cube(0.0, -0.1, 1.0), beside_the_cube(0.0, -0.03, 1.0), beside_the_cube(0.15, -0.1, 1.0)] * 3
-    assert [plan.wish(sight).hopeless for sight in sights] == [False] * 8 + [True]

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 
@@ -18,9 +16,9 @@ from aerial_il.cli.launchers import processes
 from aerial_il.cli.main import main
 from aerial_il.cli.sweeps import job as jobs_of
 from aerial_il.cli.sweeps.job import Job
-from aerial_il.core import provenance
 from aerial_il.workflows import collect
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 WORDS = ["collect", "robot=quad", "task=hover", "episodes=10", "seed=3", "num_envs=2", "progress=false"]
 
 
@@ -29,15 +27,6 @@ def contents(folder: Path) -> dict[str, str]:
     files = [file for kind in ("demos", "failures", "models") for file in (folder / kind).glob("*")]
     assert len(files) == 11, "ten episodes and the scene"
     return {file.name: sha256(file.read_bytes()).hexdigest() for file in [*files, folder / "dataset.yaml"]}
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _no_checkout() -> Iterator[None]:
-    """Let no recording name a commit: somebody may work on the checkout while one job after the other records."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("GIT_DIR", os.devnull)
-        patch.setattr(provenance, "git_state", lambda: None)  # this process may have asked before
-        yield
 
 
 @pytest.fixture(scope="module")
