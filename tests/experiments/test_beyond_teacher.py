@@ -11,9 +11,8 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
-from aerial_il.core.composition import build
+from aerial_il.core.composition import build, changed
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import changed
 from aerial_il.policies.mlp import MLP
 from experiments.beyond_teacher.study import ASKED, CLONE, EXPERT, BeyondTeacher, targets_of, times_row
 from experiments.common.practised import Continued

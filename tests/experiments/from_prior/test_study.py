@@ -17,8 +17,8 @@ from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.core.composition import changed
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import changed
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
 from experiments.common import practised
