@@ -48,7 +48,7 @@ def test_without_an_anchor_positions_stay_in_the_world() -> None:
 
 def test_blindness_leaves_out_fields_unless_they_are_asked_for() -> None:
     assert "gripper" not in Layout.of(SPEC, MLP()).names
-    assert Layout.of(SPEC, MLP(blind_to=())).names == SPEC.observation.state_names
+    assert Layout.of(SPEC, MLP(masked_fields=())).names == SPEC.observation.state_names
     assert Layout.of(SPEC, MLP(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
 
 

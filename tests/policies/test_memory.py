@@ -14,7 +14,7 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from tests.algorithms.drift import Drift, demonstrations
 
-CHUNKS = {"chunk": 4, "anchor": None, "blind_to": ()}
+CHUNKS = {"chunk": 4, "anchor": None, "masked_fields": ()}
 CASES: dict[str, PolicySettings] = {
     "averaged": MLP(hidden=(8,), history=2, execute=1, ensemble=0.1, **CHUNKS),
     "one after the other": MLP(hidden=(8,), execute=3, ensemble=None, **CHUNKS),

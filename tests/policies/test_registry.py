@@ -91,9 +91,9 @@ def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) ->
 
 
 def test_a_single_name_or_width_stands_for_a_list_of_it() -> None:
-    """A command line writes ``policy.blind_to=target_*``, which must not be read letter by letter."""
-    config = MLP(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
-    assert (config.blind_to, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
+    """A command line writes ``policy.masked_fields=target_*``, which must not be read letter by letter."""
+    config = MLP(masked_fields="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
+    assert (config.masked_fields, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
     assert replace(BC.selection, operators="expert").operators == ("expert",)  # type: ignore[arg-type]
 
 

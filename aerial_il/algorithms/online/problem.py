@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from torch import Tensor
 
-from aerial_il.algorithms.online.collector import RewardScheme
+from aerial_il.algorithms.online.collector import RewardScheme, Transition
 from aerial_il.algorithms.online.demonstrations import check_same, random_transitions, read_transitions
 from aerial_il.algorithms.online.interface import fit_interface, plain_interface
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths, check_paid, with_rewards

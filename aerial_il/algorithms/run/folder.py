@@ -223,7 +223,7 @@ def _settings(path: Path) -> dict[str, Any]:
 
 def _has_moved(key: str, now: Mapping[str, Any]) -> bool:
     """Whether ``key`` is what an earlier version called a setting that is among those of ``now`` by another name."""
-    known = {each.removeprefix("settings.") for each in now if each.startswith("settings.")}
+    known = {each.removeprefix("settings.") for each in now}
     return key not in now and moved(key.removeprefix("settings."), known) is not None
 
 

@@ -265,11 +265,11 @@ def test_what_cannot_be_imitated_is_refused() -> None:
         check_policy(replace(POLICY, history=2))
     with pytest.raises(InvalidValueError, match="another environment: robot: 'mass' != 'point'; task: 'go' != 'pick'"):
         check_same(drift.SPEC, point_mass.SPEC)
-    anchored = replace(POLICY, anchor="ee_pos", blind_to=())
+    anchored = replace(POLICY, anchor="ee_pos", masked_fields=())
     layout, found, _ = read_transitions(point_mass.demonstrations(2), anchored, trajectories=None, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match="bounds=demonstrations"):
         fit_interface(layout, found.frames, found.actions, policy=anchored, bounds="environment")
-    turned = replace(POLICY, anchor="ee_pos", relative=True, blind_to=("ee_*",))
+    turned = replace(POLICY, anchor="ee_pos", relative=True, masked_fields=("ee_*",))
     layout, found, _ = read_transitions(point_mass.demonstrations(2), turned, trajectories=None, subsample=1, seed=0)
     with pytest.raises(InvalidValueError, match=r"relative to the end effector.*bounds=demonstrations"):
         fit_interface(layout, found.frames, found.actions, policy=turned, bounds="environment")

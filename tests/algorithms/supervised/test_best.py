@@ -22,7 +22,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
-POLICY = MLP(hidden=(16,), blind_to=())
+POLICY = MLP(hidden=(16,), masked_fields=())
 CADENCE = Cadence(log_every=20, evaluate_every=10, checkpoint_every=1000, keep_checkpoints=3)
 UNJUDGED = replace(CADENCE, evaluate_every=0)
 SETTINGS = BC(steps=60, batch_size=16, validate_every=0, cadence=CADENCE)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
 from aerial_il.algorithms.bc import with_dropout
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.policies import load_policy
+from aerial_il.policies.parts.masked import MaskedPolicy, columns_of
 from aerial_il.policies.parts.network import Seen
-from aerial_il.policies.parts.partly_blind import PartlyBlind, columns_of
 from tests.algorithms.point_mass import PointMassBatch
 from tests.policies.test_registry import fresh_policy
 
@@ -17,7 +22,7 @@ CALLS = 30
 
 def flown(*, most: float, hold: float, seeds: np.ndarray, stream: int = 0) -> np.ndarray:
     """Return actions (CALLS, n, Da) for observations that stay as they are at the start of the episode 7."""
-    policy = PartlyBlind(fresh_policy("mlp"), most=most, hold=hold, stream=stream)
+    policy = MaskedPolicy(fresh_policy("mlp"), most=most, hold=hold, stream=stream)
     obs = {name: np.repeat(value, len(seeds), axis=0) for name, value in PointMassBatch(1).reset(7).items()}
     policy.reset()
     policy.begin(seeds)
@@ -48,16 +53,16 @@ def test_others_are_hidden_from_time_to_time() -> None:
 
 def test_a_hidden_field_has_no_say() -> None:
     policy = fresh_policy("mlp", anchor=None)
-    blind = PartlyBlind(policy, most=0.0, hold=1.0)
+    masked = MaskedPolicy(policy, most=0.0, hold=1.0)
     layout, rng = policy.interface.layout, np.random.default_rng(0)
     one, other = (rng.normal(size=(1, policy.config.history, layout.size)) for _ in range(2))
     fields = np.arange(len(layout.names)) == 0
     hidden = columns_of(layout, fields)
     mixed = np.where(hidden, other, one)
-    blind.begin(np.array([0]))
-    assert np.abs(blind.predict(mixed) - blind.predict(one)).max() > 1e-4
-    blind._shown[:] = ~hidden
-    np.testing.assert_array_equal(blind.predict(mixed), blind.predict(one))
+    masked.begin(np.array([0]))
+    assert np.abs(masked.predict(mixed) - masked.predict(one)).max() > 1e-4
+    masked._shown[:] = ~hidden
+    np.testing.assert_array_equal(masked.predict(mixed), masked.predict(one))
 
 
 @pytest.mark.parametrize("most", [0.3, 0.9])
@@ -75,3 +80,11 @@ def test_training_hides_whole_fields_at_the_chance_it_says(most: float) -> None:
     assert (columns_of(layout, fields) == state[:, 0]).all()
     assert abs((fields == 0).float().mean().item() - most / 2) < 0.02
     assert (fields == 0).float().mean(1).std() > 0.5 * most / 12**0.5, "the chance differs from window to window"
+
+
+def test_what_was_saved_under_an_older_name_of_a_setting_still_flies(tmp_path: Path) -> None:
+    policy = fresh_policy("mlp")
+    saved = policy.to_checkpoint()
+    settings = {"blind_to" if n == "masked_fields" else n: value for n, value in saved.config["settings"].items()}
+    checkpoint.save(tmp_path / "old", Checkpoint(saved.arrays, saved.state, {**saved.config, "settings": settings}))
+    assert load_policy(tmp_path / "old").config == policy.config
