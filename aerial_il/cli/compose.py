@@ -1,4 +1,4 @@
-"""Hydra composes what was said, and the settings of a command are built of it; its sweeps become points."""
+"""Words in the grammar of Hydra become the settings of a command; its sweeps become points."""
 
 from __future__ import annotations
 
@@ -47,30 +47,27 @@ def settings_of(command: Command, overrides: Iterable[str]) -> Any:
 
 
 def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
-    """Return what overrides say as nested plain values, composed by Hydra over the defaults of ``settings``."""
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_module
-    from hydra.core.config_store import ConfigStore
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import HydraException
+    """Return what overrides say as nested plain values; they may refer to each other and to defaults, ``${seed}``."""
+    from hydra.core.utils import setup_globals
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    given = list(overrides)
-    ConfigStore.instance().store(name=settings.__name__, node=_node(settings))
-    GlobalHydra.instance().clear()
-    values = dict[str, Any]()
+    given, values = list(overrides), dict[str, Any]()
+    parsed = _parsed(given)
+    setup_globals()  # for ${now:...}
+    cfg = OmegaConf.create(_node(settings))
     try:
-        with initialize_config_module(commands.__name__, version_base="1.3"):
-            cfg = hydra_compose(settings.__name__, [f"++{word}" for word in given])
-        for name in (word.partition("=")[0] for word in given):
+        for word, each in zip(given, parsed, strict=True):
+            if each.is_sweep_override():
+                raise InvalidValueError(f"{word} are several values: add -m to sweep over them.")
+            OmegaConf.update(cfg, each.key_or_group, each.value(), merge=True, force_add=True)
+        for name in (each.key_or_group for each in parsed):
             value, place = OmegaConf.select(cfg, name), values
             *path, last = name.split(".")
             for step in path:
                 place = place.setdefault(step, {})
             place[last] = OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
-    except (HydraException, OmegaConfBaseException, AttributeError, TypeError) as error:
-        _parsed(given)  # names the word that cannot be read
+    except (OmegaConfBaseException, AttributeError, TypeError) as error:
         raise InvalidValueError(f"{' '.join(given)} does not go together: {_first_line(error)}") from error
     return values
 

@@ -27,6 +27,7 @@ NO_INTERVAL = Interval(math.nan, math.nan)
 LEVEL = 0.95  # of confidence, of all intervals
 Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 RELABELLINGS = 9999  # of a permutation test
+MACRO_RESAMPLES = 4000
 
 
 def wilson(count: int, total: int) -> Interval:
@@ -105,9 +106,7 @@ def t_interval(values: np.ndarray) -> Interval:
     return Interval(float(values.mean() - half), float(values.mean() + half))
 
 
-def bootstrap_macro(
-    counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator, resamples: int = 4000
-) -> Interval:
+def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator) -> Interval:
     """Return the interval of a mean success rate over tasks, each flown by policies of one or several training seeds.
 
     Training seeds are resampled within each task, then the episodes of each; with one seed the episodes alone, so that
@@ -117,16 +116,15 @@ def bootstrap_macro(
         counts: for each task the successes of each training seed.
         total: episodes that each of them flew.
         rng: source of the resamples.
-        resamples: number of resampled means.
 
     Source:
         B. Efron and R. Tibshirani, "An introduction to the bootstrap", 1993, section 8.3 (several levels of sampling).
     """
     if total < 1 or not counts or not all(counts):
         return NO_INTERVAL
-    means = np.zeros(resamples)
+    means = np.zeros(MACRO_RESAMPLES)
     for seeds in counts:
-        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(resamples, len(seeds)))]
+        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(MACRO_RESAMPLES, len(seeds)))]
         means += rng.binomial(total, chosen / total).mean(axis=1) / (total * len(counts))
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
@@ -204,13 +202,7 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return math.nan
     if min(a.size, b.size) == 1:
         return 1.0
-
-    def difference(x: np.ndarray, y: np.ndarray, axis: int) -> np.ndarray:
-        return np.mean(x, axis=axis) - np.mean(y, axis=axis)
-
-    batch = _batch(a.size + b.size)
-    test = stats.permutation_test((a, b), difference, vectorized=True, n_resamples=resamples, batch=batch, rng=rng)
-    return float(test.pvalue)
+    return _permuted((a, b), _difference_of_means, "independent", rng=rng, resamples=resamples)
 
 
 def paired_permutation_test(
@@ -223,22 +215,12 @@ def paired_permutation_test(
     differences = _finite(differences)
     if differences.size < 2:
         return 1.0 if differences.size else math.nan
-    batch = _batch(differences.size)
-    test = stats.permutation_test(
-        (differences,),
-        np.mean,
-        permutation_type="samples",
-        vectorized=True,
-        n_resamples=resamples,
-        batch=batch,
-        rng=rng,
-    )
-    return float(test.pvalue)
+    return _permuted((differences,), np.mean, "samples", rng=rng, resamples=resamples)
 
 
-def smallest_p(resamples: int = RELABELLINGS) -> float:
+def smallest_p() -> float:
     """Return the least two-sided p-value that random relabellings can give: none was as extreme, on either side."""
-    return 2 / (resamples + 1)
+    return 2 / (RELABELLINGS + 1)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -265,6 +247,18 @@ def _bootstrap(
         samples, statistic, n_resamples=resamples, batch=batch, confidence_level=LEVEL, method="percentile", rng=rng
     )
     return Interval(float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+
+
+def _permuted(
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], kind: str, *, rng: np.random.Generator,
+    resamples: int,
+) -> float:  # fmt: skip
+    """Return the two-sided p-value of a statistic of one or several samples under permutations of a kind."""
+    batch = _batch(sum(sample.size for sample in samples))
+    test = stats.permutation_test(
+        samples, statistic, permutation_type=kind, vectorized=True, n_resamples=resamples, batch=batch, rng=rng
+    )
+    return float(test.pvalue)
 
 
 def _batch(size: int) -> int:

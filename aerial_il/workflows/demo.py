@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from aerial_il.core.places import claim_folder
 from aerial_il.workflows.collect import Collect, Expert, collect
 from aerial_il.workflows.convert import Convert, convert
 from aerial_il.workflows.evaluate import Evaluate, evaluate
@@ -66,6 +67,7 @@ class Stage:
 
 def stages(settings: Demo) -> Iterator[Stage]:
     """Yield the stages in their order; each is to be done before the next is asked for."""
+    claim_folder(settings.out, ("dataset/recordings.jsonl", "dataset/demos/*"))
     flight, derived, training, judged, page = _settings(settings)
     lerobot = Path(settings.out) / "dataset" / "derived" / "lerobot"
     yield Stage("Fly and record", _line("collect", flight), lambda: f"Dataset: {collect(flight)}")

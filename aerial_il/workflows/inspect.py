@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_file
 from aerial_il.workflows.parts.names import Tier, at_least
 
 if TYPE_CHECKING:
@@ -83,7 +84,9 @@ def inspect(settings: Inspect) -> Inspected:
     from aerial_il.presentation.rerun.program import program
 
     program()
-    target = Path(settings.save or f"{INSPECTIONS}/{_name(settings)}.rrd")
+    target = claim_file(settings.save or f"{INSPECTIONS}/{_name(settings)}.rrd", key="save")
+    if settings.screenshot:
+        claim_file(settings.screenshot, key="screenshot")
     notes, picture = _write(settings, target), None
     if settings.screenshot:
         from aerial_il.presentation.rerun import screenshot

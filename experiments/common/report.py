@@ -72,7 +72,7 @@ class Target:
             "wanted": f"{self.sense} {self.limit:g}{unit}",
             "measured": f"{self.measured:.3g}{unit}",
             "spread": self.spread,
-            "verdict": "met" if self.met else "MISSED",
+            "verdict": "met" if self.met else "not met",
         }
 
 

@@ -18,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.parts.normaliser import MIN_SCALE
+from aerial_il.policies.parts.normaliser import HARDLY
 
 OWN_NORM = "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
 
@@ -81,7 +81,9 @@ def explored(interface: Interface) -> Interface:
     """
     action, moving = interface.action, interface.layout.moving
     switches = interface.switches.holding(interface.constant & ~moving, action.centre)
-    scale = np.where(interface.constant & moving, np.float32(MIN_SCALE), action.scale)
+    reach = interface.layout.spec.action.reach
+    held = interface.constant & moving
+    scale = np.where(held, np.where(np.isfinite(reach), HARDLY * reach, HARDLY), action.scale).astype(np.float32)
     return replace(interface, action=replace(action, scale=scale), switches=switches)
 
 

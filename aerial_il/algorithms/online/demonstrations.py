@@ -130,7 +130,7 @@ def random_transitions(
 def _transitions_of(episode: Episode, layout: Layout, labels: Labels, smoothness: Smoothness) -> Transition:
     frames = layout.flatten(episode.obs)
     terminal = np.asarray(episode.terminated, bool).copy()
-    terminal[-1] |= episode.success and not episode.truncated[-1]
+    terminal[-1] |= episode.is_terminal
     actions = episode.labels if labels == "expert" else episode.executed_actions
     penalties, success = _penalties(episode, smoothness), terminal & bool(episode.success)
     rewards, truncated = episode.rewards - penalties, np.asarray(episode.truncated, bool)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.algorithms.run.state import Part
-from aerial_il.policies.parts.normaliser import MIN_SCALE, Normaliser
+from aerial_il.policies.parts.normaliser import Normaliser, hardly_varies
 
 
 class RunningMoments(Part):
@@ -32,9 +32,9 @@ class RunningMoments(Part):
 
     @property
     def deviation(self) -> np.ndarray:
-        """(D,) standard deviation, 1 where nothing varies yet."""
-        deviation = np.sqrt(self.square / max(1, self.count))
-        return np.where(deviation < MIN_SCALE, 1.0, deviation)
+        """(D,) standard deviation; where next to nothing varies yet 1, or the size of the mean if that is larger."""
+        deviation, size = np.sqrt(self.square / max(1, self.count)), np.abs(self.mean)
+        return np.where(hardly_varies(deviation, size + deviation), np.maximum(size, 1.0), deviation)
 
     def normaliser(self) -> Normaliser:
         """Return the normaliser to mean 0 and standard deviation 1."""

@@ -27,6 +27,7 @@ from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.composition import dotted
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
+from aerial_il.core.places import claim_folder
 from aerial_il.core.provenance import provenance
 from aerial_il.core.renamed import moved
 from aerial_il.policies import FINAL
@@ -77,7 +78,7 @@ class RunFolder:
             InvalidValueError: another process uses the folder, or it belongs to another configuration.
             CheckpointError: all its checkpoints are damaged, or it cannot be written.
         """
-        path = Path(path)
+        path = claim_folder(path, (PROVENANCE, COMMAND, f"{checkpoint.FOLDER}/*/*"), key="run")
         with _writing(path):
             path.mkdir(parents=True, exist_ok=True)
         with _locked(path):

@@ -19,7 +19,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.windows import Windows
+from aerial_il.data.windows import Batch, Windows
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicySettings, Shown, shown
@@ -28,6 +28,7 @@ from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
 
 GIB = 2**30
+BLOCK = 8192  # windows at once
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
 VALIDATE = "Find out more: aerial-il validate PATH"
 
@@ -55,8 +56,8 @@ def read_demos(
     Whatever nothing should learn from is refused.
 
     Raises:
-        InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
-            policy's chunk, a value is not finite, or the images do not fit into memory.
+        InvalidValueError: there is no success, episodes come from different environments, a value is not finite, or
+            the images do not fit into memory.
         UnknownNameError: the episodes lack an observation field.
     """
     demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
@@ -66,7 +67,7 @@ def read_demos(
     demos = unite(demos)
     layout = Layout.of(demos[0].spec, policy)
     for episode in demos:
-        _check(episode, layout, policy.chunk)
+        _check(episode, layout)
     return layout, demos
 
 
@@ -86,11 +87,9 @@ def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterat
         yield episode
 
 
-def _check(episode: Episode, layout: Layout, chunk: int) -> None:
+def _check(episode: Episode, layout: Layout) -> None:
     if differing := layout.spec.differences(episode.spec):
         raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
-    if len(episode) < chunk:
-        raise InvalidValueError(f"Episode {episode.uid} has {len(episode)} steps; chunk={chunk} must not be longer.")
     try:
         layout.flatten(episode.obs)
     except NonFiniteActionError as error:
@@ -145,11 +144,20 @@ def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
     return None if np.ptp(weights) == 0 else weights[windows.episode]
 
 
+def _blocks(windows: Windows) -> Iterator[Batch]:
+    """Yield all windows in their order, some at a time: together they take many times the room of what they show."""
+    for start in range(0, len(windows), BLOCK):
+        yield windows[np.arange(start, min(start + BLOCK, len(windows)))]
+
+
 def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
     """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights."""
     seal = hashlib.sha256()
-    for array in (*windows[np.arange(len(windows))], *([] if weights is None else [weights])):
-        seal.update(np.ascontiguousarray(array).tobytes())
+    for field in Batch._fields:
+        for batch in _blocks(windows):
+            seal.update(np.ascontiguousarray(getattr(batch, field)).tobytes())
+    if weights is not None:
+        seal.update(np.ascontiguousarray(weights).tobytes())
     for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
         seal.update(np.ascontiguousarray(frames))
     return seal.hexdigest()
@@ -157,11 +165,16 @@ def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
 
 def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> Interface:
     """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
-    obs, actions, is_pad = windows[np.arange(len(windows))]
-    frames = layout.relate(obs[:, -1])
-    targets = to_offsets(layout, actions, obs)[~is_pad]
-    action = Normaliser.fit(targets, policy.action_scaling)
-    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
+    frames, targets = [], np.empty((len(windows) * windows.chunk, layout.spec.action.size), np.float32)
+    filled = 0
+    for obs, actions, is_pad in _blocks(windows):
+        frames.append(layout.relate(obs[:, -1]))
+        shown = to_offsets(layout, actions, obs)[~is_pad]
+        targets[filled : filled + len(shown)] = shown
+        filled += len(shown)
+    targets = targets[:filled]
+    action = Normaliser.fit(targets, policy.action_scaling, reach=layout.spec.action.reach)
+    return Interface(layout, Normaliser.fit(np.concatenate(frames)), action, policy.obs_clip, Switches.fit(targets))
 
 
 class TrainingSet:

@@ -67,7 +67,7 @@ class Slurm:
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         require("submitit", extra="cluster")
-        _check_cluster()
+        _asked("sinfo", "--noheader")  # a mistake shows before anything is submitted
         numbers = dict[Job, str]()
         try:
             for job in jobs:
@@ -186,18 +186,21 @@ def _still_queued(job: Job) -> str | None:
 
 def _queue() -> set[str]:
     """Return the numbers of this user's jobs that wait or run."""
-    asked = ["squeue", "--me", "--noheader", "--format=%i"]
-    answer = subprocess.run(asked, capture_output=True, text=True, check=False)
-    if answer.returncode:
-        raise InvalidValueError(f"squeue failed: {answer.stderr.strip()}. The jobs go on; the same command finds them.")
-    return set(answer.stdout.split())
+    return set(_asked("squeue", "--me", "--noheader", "--format=%i").split())
 
 
-def _check_cluster() -> None:
+def _asked(*words: str) -> str:
+    """Return what a command of SLURM prints.
+
+    Raises:
+        InvalidValueError: there is no such command, or SLURM does not answer.
+    """
     try:
-        answer = subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False)
+        answer = subprocess.run(words, capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
         hint = "Call it on a login node; to try it on this machine: make slurm"
-        raise InvalidValueError(f"launcher=slurm needs SLURM's commands, and there is no sinfo. {hint}") from error
+        raise InvalidValueError(f"launcher=slurm needs SLURM's commands, and there is no {words[0]}. {hint}") from error
     if answer.returncode:
-        raise InvalidValueError(f"SLURM does not answer: {answer.stderr.strip()}")
+        goes_on = "Jobs that were submitted go on; the same command finds them."
+        raise InvalidValueError(f"{words[0]} failed: {answer.stderr.strip()}. {goes_on}")
+    return answer.stdout

@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -98,24 +98,20 @@ class Optuna:
         )
 
 
+@dataclass(eq=False)
 class _Search:
     """Trials under way: their runs' metrics are read as they are written, and reported."""
 
-    def __init__(
-        self,
-        study: Any,
-        settings: Optuna,
-        command: str,
-        space: Mapping[str, Any],
-        fixed: Sequence[str],
-        target: str,
-        folder: str,
-    ) -> None:
-        self.study, self.settings, self.space = study, settings, space
-        self._command, self._fixed, self._target, self._folder = command, fixed, target, folder
-        self._running = dict[Job, tuple[Any, subprocess.Popen[bytes]]]()
-        self._reported = dict[Job, int]()  # how many values of a trial were reported
-        self.board = Board([])
+    study: Any
+    settings: Optuna
+    command: str
+    space: Mapping[str, Any]
+    fixed: Sequence[str]
+    target: str
+    folder: str
+    board: Board = field(default_factory=lambda: Board([]))
+    _running: dict[Job, tuple[Any, subprocess.Popen[bytes]]] = field(default_factory=dict)
+    _reported: dict[Job, int] = field(default_factory=dict)  # how many values of a trial
 
     def run(self) -> None:
         from optuna.trial import Trial, TrialState
@@ -141,9 +137,9 @@ class _Search:
     def _start(self, trial: Any) -> None:
         from optuna.trial import TrialState
 
-        folder = f"{self._folder}/trial={trial.number}"
-        words = (*self._fixed, *(f"{key}={value}" for key, value in trial.params.items()), f"{self._target}='{folder}'")
-        job = Job(self._command, words, folder)
+        folder = f"{self.folder}/trial={trial.number}"
+        words = (*self.fixed, *(f"{key}={value}" for key, value in trial.params.items()), f"{self.target}='{folder}'")
+        job = Job(self.command, words, folder)
         self.board.jobs = (*self.board.jobs, job)
         self.board.started(job)
         try:

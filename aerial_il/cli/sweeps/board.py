@@ -35,14 +35,14 @@ class Board:
     """Told by a launcher what starts and ends.
 
     Args:
-        jobs: all of them. shown: whether what they say goes to a log of theirs, and is shown here by its last line.
+        jobs: all of them; what they say goes to logs of theirs, and is shown here by its last line.
     """
 
-    def __init__(self, jobs: Sequence[Job], *, shown: bool = True) -> None:
+    def __init__(self, jobs: Sequence[Job]) -> None:
         self.jobs, self.outcomes = tuple(jobs), dict[Job, Outcome]()
         self._started: dict[Job, float] = {}
         self._bars: dict[Job, Progress] = {}
-        self._drawn, self._refreshed = shown and is_terminal(sys.stderr), time.monotonic()
+        self._drawn, self._refreshed = is_terminal(sys.stderr), time.monotonic()
         self._bar = Progress(total=len(jobs), desc="sweep", unit="job", disable=not self._drawn)
 
     def started(self, job: Job) -> None:

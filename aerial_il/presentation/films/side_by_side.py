@@ -16,6 +16,7 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.overlay import compose
@@ -135,6 +136,14 @@ def _animation(frames: Sequence[Image.Image], seconds: Sequence[float], quality:
     buffer, first = io.BytesIO(), frames[0]
     shown = [round(1000 * each) for each in seconds]
     first.save(
-        buffer, "WEBP", append_images=frames[1:], save_all=True, duration=shown, loop=0, quality=quality, method=EFFORT
+        buffer,
+        "WEBP",
+        append_images=frames[1:],
+        save_all=True,
+        duration=shown,
+        loop=0,
+        quality=quality,
+        method=EFFORT,
+        xmp=MADE_BY.encode(),
     )
     return buffer.getvalue()

@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
@@ -86,6 +88,7 @@ def film(
     successes: int = 2,
     failures: int = 2,
     cameras: Sequence[str] = ("scene", "wrist"),
+    progress: bool = False,
 ) -> Footage:
     """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
 
@@ -95,6 +98,7 @@ def film(
         folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
         successes, failures: how many of each, at most.
         cameras: views from left to right; those that the environment lacks are left out.
+        progress: show a progress bar for each film.
 
     Returns:
         The clips in the order of their seeds, or the reason why nothing can be rendered.
@@ -107,7 +111,7 @@ def film(
     clips = []
     for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
         path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
-        clips.append(film_episode(env, result, episode, path, cameras=views))
+        clips.append(film_episode(env, result, episode, path, cameras=views, progress=progress))
     return Footage(tuple(clips))
 
 
@@ -123,8 +127,9 @@ def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
 
 
 def film_episode(
-    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
-) -> Clip:
+    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str],
+    progress: bool = False,
+) -> Clip:  # fmt: skip
     """Fly one episode again in world 0 of ``env`` and write its film.
 
     Raises:
@@ -143,7 +148,9 @@ def film_episode(
         frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
     else:
         frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
-    last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    total, name = -(-len(flight.actions) // (speed * stride)), f"film of seed {episode.seed}"
+    drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
+    last = write_mp4(path, iter(drawn), rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
     return clip
 
@@ -263,6 +270,7 @@ def write_mp4(
     options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
     try:
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            container.metadata["comment"] = MADE_BY
             stream = container.add_stream("libx264", rate=rate, options=options)
             stream.pix_fmt = "yuv420p"
             for picture in _held(frames, hold_frames):
@@ -285,8 +293,15 @@ def jpeg(picture: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
 def png(picture: np.ndarray) -> bytes:
     """Return an (H, W, 3) uint8 picture as a PNG file."""
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True, pnginfo=signed_png())
     return buffer.getvalue()
+
+
+def signed_png() -> PngInfo:
+    """Return what a PNG says of who made it."""
+    info = PngInfo()
+    info.add_text("Software", MADE_BY)
+    return info
 
 
 def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:

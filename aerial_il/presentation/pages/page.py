@@ -10,6 +10,7 @@ from typing import Any
 
 from aerial_il.core.composition import dotted
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import claim_file
 from aerial_il.presentation.pages.charts import tick_label
 from aerial_il.teleop.page import PAGE
 
@@ -25,7 +26,7 @@ def write_page(path: str | os.PathLike[str], template: str, **values: Any) -> Pa
     Args:
         path: destination, an HTML file. template: name of a ``.html.j2`` file. values: what it asks for; all of it.
     """
-    return write_atomic(path, page_text(template, **values))
+    return write_atomic(claim_file(path), page_text(template, **values))
 
 
 def page_text(template: str, **values: Any) -> str:

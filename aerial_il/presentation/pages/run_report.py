@@ -49,7 +49,7 @@ def write_run_report(
         "run.html.j2",
         run=run,
         final=run.rollouts[-1] if run.rollouts else None,
-        judged=[_judged_row(name, result) for name, result in run.judged.items()],
+        judged=run.judged,
         rollouts=[drawn for draw in ROLLOUTS if (drawn := draw({"": [run]}))],
         loss=run_figures.losses({"": [run]}),
         others=run_figures.others(run),
@@ -114,10 +114,6 @@ def _label(settings: Mapping[str, Any], differing: Sequence[str]) -> str:
         return str(settings.get("policy.name"))
     parts = [f"{key.rpartition('.')[2]}={settings.get(key)}" for key in differing[:MOST_SETTINGS]]
     return ", ".join(parts) + (", ..." if len(differing) > MOST_SETTINGS else "")
-
-
-def _judged_row(name: str, result: EvaluationResult) -> dict[str, Any]:
-    return {"name": name, "result": result, "success": result.success, "seeds": (result.seeds[0], result.seeds[-1])}
 
 
 def _group_row(label: str, hue: int, runs: Sequence[TrainingRun]) -> dict[str, Any]:

@@ -73,7 +73,11 @@ def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -
         DemoError: the folder holds no recording.
     """
     place = DatasetFolder(folder)
-    files = sorted((file for kind in (DEMOS, FAILURES) for file in place.files(kind)), key=_when, reverse=True)
+    files = sorted(
+        (file for kind in (DEMOS, FAILURES) for file in place.files(kind)),
+        key=lambda file: file.stat().st_mtime,
+        reverse=True,
+    )
     if not files:
         hint = f"Fly some: aerial-il teleop robot=R task=T out={folder}"
         raise DemoError(folder, "holds no recording to summarise.", hint=hint)
@@ -163,7 +167,3 @@ def _row(name: str, takes: Sequence[Take]) -> Row:
 def _median(values: Sequence[float]) -> float:
     known = [value for value in values if np.isfinite(value)]
     return float(np.median(known)) if known else float("nan")
-
-
-def _when(file: Path) -> float:
-    return file.stat().st_mtime

@@ -11,6 +11,7 @@ import rerun as rr
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.predictions import Prediction
+from aerial_il.presentation.markdown import table
 from aerial_il.presentation.rerun import signals
 from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
 from aerial_il.presentation.rerun.log import Clock, Log
@@ -133,7 +134,6 @@ def about(flight: Flight) -> str:
         "seed": origin.get("seed", "unknown"), "steps": len(episode), "seconds": f"{episode.sim_time[-1]:.2f}",
         "end": end, "return": f"{episode.total_reward:.2f}", "action": spec.action.level,
     }  # fmt: skip
-    table = "\n".join(f"| {name} | {value} |" for name, value in rows.items())
     scales = f"Arrows: {100 * M_PER_N:g} cm per N of force, {100 * M_PER_M_S:g} cm per m/s of wind."
     notes = "\n\n".join([scales, *flight.notes] if flight.motion is not None else flight.notes)
-    return f"# {spec.task} on {spec.robot}\n\n{spec.instruction}\n\n| | |\n|---|---|\n{table}\n\n{notes}\n"
+    return f"# {spec.task} on {spec.robot}\n\n{spec.instruction}\n\n{table(('', ''), rows.items())}\n\n{notes}\n"

@@ -136,37 +136,30 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
     rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
-    seen: list[tuple[np.ndarray, ...]] = []
+    seen: list[dict[str, np.ndarray]] = []
     contacts: list[tuple[np.ndarray, ...]] = []
     for state in np.ascontiguousarray(states[:, :size]):
         mujoco.mj_setState(model, data, state, STATE)
         mujoco.mj_forward(model, data)
-        seen.append(tuple(np.copy(part) for part in _seen(model, data, rotors)))
+        seen.append({name: np.copy(part) for name, part in _seen(model, data, rotors).items()})
         contacts.append(_contacts(model, data))
-    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*seen, strict=True))
     wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
-    counts, points, forces, on_robot = zip(*contacts, strict=True)
+    counts, *each = zip(*contacts, strict=True)
     return Motion(
         model=model,
-        body_pos=body_pos,
-        body_quat=body_quat,
-        site_pos=site_pos,
-        camera_pos=camera_pos,
-        camera_mat=camera_mat.reshape(len(states), -1, 3, 3),
-        thrust_pos=thrust_pos,
-        thrust=thrust,
-        contacts=Contacts(np.array(counts), *(np.concatenate(part) for part in (points, forces, on_robot))),
+        contacts=Contacts(np.array(counts), *map(np.concatenate, each)),
         wind=wind if wind.any() else None,
+        **{name: np.stack([parts[name] for parts in seen]) for name in seen[0]},
     )
 
 
-def _seen(model: mujoco.MjModel, data: mujoco.MjData, rotors: np.ndarray) -> tuple[np.ndarray, ...]:
+def _seen(model: mujoco.MjModel, data: mujoco.MjData, rotors: np.ndarray) -> dict[str, np.ndarray]:
     """Return views of what is kept of one state; see :class:`Motion`."""
     sites = model.actuator_trnid[rotors, 0]
     axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), model.actuator_gear[rotors, :3])
-    thrust = axes * data.actuator_force[rotors, None]
-    poses = (data.xpos, data.xquat, data.site_xpos, data.cam_xpos, data.cam_xmat)
-    return (*poses, data.site_xpos[sites], thrust)
+    poses = {"body_pos": data.xpos, "body_quat": data.xquat, "site_pos": data.site_xpos, "camera_pos": data.cam_xpos}
+    rotor = {"thrust_pos": data.site_xpos[sites], "thrust": axes * data.actuator_force[rotors, None]}
+    return {**poses, "camera_mat": data.cam_xmat.reshape(-1, 3, 3), **rotor}
 
 
 def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:

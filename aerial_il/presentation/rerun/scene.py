@@ -67,7 +67,11 @@ def _log_arrows(
 
 def log_trails(log: Log, motion: Motion) -> None:
     """Log where the tool and free objects have just been, and, thin and pale, all of where they go."""
-    paths = {name: (path, palette.OBJECT) for name, path in motion.objects.items() if _moves(path)}
+    paths = {
+        name: (path, palette.OBJECT)
+        for name, path in motion.objects.items()
+        if np.ptp(path, axis=0).max() > LEAST_MOTION_M
+    }
     if motion.tool is not None:
         paths["tool"] = (motion.tool, palette.TOOL)
     for name, (path, colour) in paths.items():
@@ -137,7 +141,3 @@ def _extent(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     margin = max(0.15, float(np.ptp(robot[0], axis=0).max()) / 2)
     points = np.concatenate([robot.reshape(-1, 3), motion.body_pos[:, motion.moving].reshape(-1, 3)])
     return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def _moves(path: np.ndarray) -> bool:
-    return bool(np.ptp(path, axis=0).max() > LEAST_MOTION_M)

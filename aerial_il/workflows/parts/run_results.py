@@ -12,6 +12,7 @@ from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
 from aerial_il.workflows.parts import demonstrations, pilots, results
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,9 +52,15 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
         raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
     algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    limit = recorded.get("episodes") if path == recorded.get("path") else None
+    limit, reading = (
+        (recorded.get("episodes"), Reading(**recorded.get("reading", {})))
+        if path == recorded.get("path")
+        else (None, AS_IT_SAYS)
+    )
     divided = algorithm.divide(
-        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, failures=algorithm.failures),
+        demonstrations.open_demonstrations(
+            path, limit=limit, images=policy.images, failures=algorithm.failures, reading=reading
+        ),
         policy,
         seed=run.seed,
     )

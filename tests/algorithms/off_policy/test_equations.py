@@ -85,9 +85,9 @@ def test_a_smoothed_backup_takes_the_smaller_critic(name: str, centre: float, tr
     set_critics(agent.targets.network, *CROSSING)
     mislead(agent)
     torch.manual_seed(0)
-    found = targets(step_of([0.0] * 64, rewards=0.25))
+    result = targets(step_of([0.0] * 64, rewards=0.25))
     wanted = torch.tensor([0.25 + 0.9 * crossing(action) for action in tried])
-    nearest = (found[:, None] - wanted).abs().min(1)
+    nearest = (result[:, None] - wanted).abs().min(1)
     assert nearest.values.max() < 1e-3
     assert set(nearest.indices.tolist()) == {0, 1}, "both ways"
     assert targets(step_of([0.0] * 4, rewards=0.25, continues=0.0)).tolist() == [0.25] * 4
@@ -185,8 +185,8 @@ def test_only_the_choice_that_was_taken_is_learned_about() -> None:
     assert agent.update(step) == {"critic/loss": pytest.approx(0.5 * 1.5**2), "critic/value": pytest.approx(2.0)}
     taken = int(network.nearest(step.actions)[0])
     assert taken == 1
-    found = network.scores(step.obs[:1, None, :2])[0, 0].tolist()
-    assert found == pytest.approx([1.0, 1.9, 3.0], abs=1e-4), "Adam's first step is its learning rate, to 0.5"
+    result = network.scores(step.obs[:1, None, :2])[0, 0].tolist()
+    assert result == pytest.approx([1.0, 1.9, 3.0], abs=1e-4), "Adam's first step is its learning rate, to 0.5"
 
 
 def test_dueling_values_are_those_of_state_plus_advantages() -> None:
@@ -231,9 +231,9 @@ def test_a_soft_backup_pays_for_entropy_except_when_absorbed(name: str, monkeypa
     set_critics(agent.targets.network, *CROSSING)
     mislead(agent)
     draws(agent, monkeypatch, [-0.3, 0.7, 0.7], [-1.5, 0.8, 0.8])
-    found = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, continues=[1.0, 1.0, 0.0]))
+    result = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, continues=[1.0, 1.0, 0.0]))
     wanted = [0.25 + 0.9 * (0.9 + 0.3 * 1.5), 0.25 + 0.9 * (1.8 - 0.3 * 0.8), 0.25]
-    assert found.tolist() == pytest.approx(wanted, abs=1e-4)
+    assert result.tolist() == pytest.approx(wanted, abs=1e-4)
     absorbed = agent.bellman_targets(step_of([0.0] * 3, rewards=0.25, absorbed=True))
     assert absorbed.tolist() == pytest.approx([0.25 + 0.9 * 1.5] * 3, abs=1e-4), "of an action of 0, without entropy"
 
@@ -243,8 +243,8 @@ def test_critics_are_drawn_anew_for_each_backup(monkeypatch: pytest.MonkeyPatch)
     set_critics(agent.targets.network, [[0.0] * 4] * 3, [1.0, 5.0, 9.0])
     draws(agent, monkeypatch, [0.0], [0.0])
     torch.manual_seed(0)
-    found = {round(agent.bellman_targets(step_of([0.0])).item(), 3) for _ in range(40)}
-    assert found == {0.9, 4.5}, "of two drawn from 1, 5 and 9"
+    result = {round(agent.bellman_targets(step_of([0.0])).item(), 3) for _ in range(40)}
+    assert result == {0.9, 4.5}, "of two drawn from 1, 5 and 9"
 
 
 @both
@@ -317,10 +317,10 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
         agent = AdvantageWeightedAgent(made(AWAC, {"temperature": 0.5, **ONE}), actor, (2, 1))
         set_critics(agent.critics.network, *CROSSING)
         draws(agent, monkeypatch, [0.0] * 2, [0.0] * 2)
-        loss, found = agent.actor_loss(step)
+        loss, result = agent.actor_loss(step)
     else:
         agent = ImplicitAgent(made(IQL, {"beta": 2.0, **ONE}), actor, (2, 1))
-        loss, found = agent.actor_loss(step, torch.tensor([0.4, -0.8]))
+        loss, result = agent.actor_loss(step, torch.tensor([0.4, -0.8]))
     weights, deviation = (math.exp(0.8), math.exp(-1.6)), math.exp(-0.5)
     likely = [
         -0.5 * ((math.atanh(a) - math.atanh(0.3)) / deviation) ** 2
@@ -329,8 +329,8 @@ def test_the_likelihood_of_tried_actions_counts_by_their_weights(name: str, monk
         for a in (0.2, -0.4)
     ]
     assert loss.item() == pytest.approx(-sum(w * p for w, p in zip(weights, likely, strict=True)) / 2, rel=1e-3)
-    assert found["actor/weight"] == pytest.approx(sum(weights) / 2, rel=1e-3)
-    assert found["actor/advantage"] == pytest.approx(-0.2, abs=1e-4)
+    assert result["actor/weight"] == pytest.approx(sum(weights) / 2, rel=1e-3)
+    assert result["actor/advantage"] == pytest.approx(-0.2, abs=1e-4)
 
 
 def implicit(**changes: Any) -> ImplicitAgent:

@@ -99,17 +99,13 @@ def _compared(collection: RunCollection) -> str:
         )
     rows = [{name: _short(value) for name, value in row.items()} for row in collection.rows]
     differing = [name for name in rows[0] if name != "run" and len({repr(row[name]) for row in rows}) > 1]
-    return table([{"": name, **{str(row["run"]): _text(row[name]) for row in rows}} for name in differing])
+    return table([{"": name, **{str(row["run"]): row[name] for row in rows}} for name in differing])
 
 
 def _short(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.4g}")
     return [_short(inner) for inner in value] if isinstance(value, list) else value
-
-
-def _text(value: Any) -> str:
-    return "-" if value is None else str(value)
 
 
 def _warn(collection: RunCollection) -> None:
