@@ -169,8 +169,8 @@ def test_a_folder_of_datasets_is_a_dataset(tmp_path: Path) -> None:
     from aerial_il.data.folder import DatasetFolder
 
     for task in ("a", "b"):
-        (tmp_path / task / "demos").mkdir(parents=True)
         DatasetFolder(tmp_path / task).claim(replace(SPEC, task=task))
+        (tmp_path / task / "demos").mkdir(exist_ok=True)
         (tmp_path / task / "demos" / f"{task}-0.mcap").touch()
     assert open_dataset(tmp_path).uids == ("a-0", "b-0")
 
