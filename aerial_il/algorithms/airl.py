@@ -126,5 +126,5 @@ class ShapedReward(RewardNet):
     def _log_prob(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return ``log pi(a | s)`` (B,), 0 in the absorbing state, where there is nothing to choose."""
         raw = unsquashed(actions)
-        found = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)
-        return found * (1.0 - obs[:, -1])
+        density = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)
+        return density * (1.0 - obs[:, -1])

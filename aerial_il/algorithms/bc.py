@@ -36,8 +36,8 @@ from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.masked import columns_of
 from aerial_il.policies.parts.network import PolicySettings, Shown, state_of, with_state
-from aerial_il.policies.parts.partly_blind import columns_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -106,14 +106,14 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
         super().__init__(settings, actor, obs_size)
         self._first, self._pull = copy.deepcopy(actor).requires_grad_(False), settings.kl
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the actor's learning rate and the pull back follow the share that is ``left``."""
         self._pull = self.settings.kl * left
         self._actor.set_lr(self.settings.lr * left)
         self._critic.set_lr(self.settings.critic_lr)
-        metrics = self._passes(found.data, improve=improve)
+        metrics = self._passes(judged.data, improve=improve)
         with torch.no_grad():
-            return {**metrics, "actor/divergence": self._away(found.data.obs).mean().item()}
+            return {**metrics, "actor/divergence": self._away(judged.data.obs).mean().item()}
 
     def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
         """Return PPO's loss and the pull to the clone, the divergence from the acting policy, and the share clipped."""

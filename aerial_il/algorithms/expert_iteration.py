@@ -37,7 +37,7 @@ from aerial_il.core.checks import require_not_negative, require_positive, requir
 from aerial_il.core.contracts import Policy
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.partly_blind import PartlyBlind
+from aerial_il.policies.parts.masked import MaskedPolicy
 
 EXPLORER_SEED = 2_000_003  # apart from the learner's
 
@@ -112,7 +112,7 @@ class ExpertIteration(InteractiveAlgorithm):
             return
         explorer = self._explorer(rounds, number)
         for attempt in range(1, self.attempts):
-            yield PartlyBlind(explorer, most=self.hidden, hold=self.hold, stream=attempt)
+            yield MaskedPolicy(explorer, most=self.hidden, hold=self.hold, stream=attempt)
 
     def _explorer(self, rounds: Rounds, number: int) -> ChunkPolicy:
         """Return a clone of the dataset so far that can do without any field."""

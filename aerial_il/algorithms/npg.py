@@ -81,10 +81,10 @@ class NPG(Algorithm):
 class NaturalGradientAgent(ActorCritic[StochasticNetwork]):
     """An actor that takes natural gradient steps, and the critic that estimates advantages."""
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; no step depends on the share of the training that is ``left``."""
-        metrics = self.improve(found.data) if improve else {}
-        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
+        metrics = self.improve(judged.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(judged.data, self.settings.rollout)}
 
     def improve(self, data: Advantages) -> dict[str, float]:
         """Take one natural gradient step up the standardised advantages."""
@@ -143,14 +143,14 @@ def conjugate_gradients(product: Callable[[Tensor], Tensor], wanted: Tensor, ite
 
     Source: J. Nocedal, S. Wright, "Numerical Optimization", 2006, algorithm 5.2.
     """
-    found, rest = torch.zeros_like(wanted), wanted.clone()
+    solution, rest = torch.zeros_like(wanted), wanted.clone()
     way, left = rest.clone(), rest @ rest
     for _ in range(iterations):
         if left <= 1e-10:
             break
         image = product(way)
         step = left / (way @ image)
-        found, rest = found + step * way, rest - step * image
+        solution, rest = solution + step * way, rest - step * image
         before, left = left, rest @ rest
         way = rest + left / before * way
-    return found
+    return solution

@@ -92,11 +92,11 @@ class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):
         size = self.settings.rollout.batch_size or len(demos)
         bc_pretrain(self._actor, self.actor, demos, steps=steps, batch_size=size)
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the learning rate follows the share of the training that is ``left``."""
         for part in (self._actor, self._critic):
             part.set_lr(self.settings.lr * left)
-        return self._passes(found.data, improve=improve)
+        return self._passes(judged.data, improve=improve)
 
     def _passes(self, data: Advantages, *, improve: bool) -> dict[str, float]:
         """Go over a rollout several times; a pass that exceeds the KL limit, ``1.5 target_kl``, is the actor's last."""

@@ -80,11 +80,11 @@ class ReinforceAgent(ActorCritic[StochasticNetwork]):
         super().__init__(settings, actor, obs_size)
         self._actor = TrainState(actor, adam(actor, settings.lr))
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout, when the share ``left`` of the training is left."""
         self._actor.set_lr(self.settings.lr * left)
-        metrics = self.improve(found.data) if improve else {}
-        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
+        metrics = self.improve(judged.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(judged.data, self.settings.rollout)}
 
     def improve(self, data: Advantages) -> dict[str, float]:
         """Take one step of the actor."""

@@ -99,15 +99,15 @@ def chosen(kind: str, value: Any, before: Any = None, at: str = "") -> Any:
 
 def plain(settings: Any) -> dict[str, Any]:
     """Return settings as nested plain values, of which :func:`build` makes the same again."""
-    hints, found = hints_of(type(settings)), dict[str, Any]()
+    hints, values = hints_of(type(settings)), dict[str, Any]()
     for field in fields(settings):
         value, choice = getattr(settings, field.name), marked(hints[field.name], Choice)
         if is_dataclass(value):
             name = {"name": registry.name_of(choice.kind, type(value))} if choice is not None else {}
-            found[field.name] = name | plain(value)
+            values[field.name] = name | plain(value)
         elif field.init:
-            found[field.name] = _listed(value)
-    return found
+            values[field.name] = _listed(value)
+    return values
 
 
 def dotted(tree: Any, prefix: str = "") -> dict[str, Any]:

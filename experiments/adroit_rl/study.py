@@ -109,7 +109,7 @@ class AdroitRl:
     question: ClassVar[str] = "Does reinforcement learning from few demonstrations solve what cloning them does not?"
 
     data: str = "datasets/adroit"
-    policy: PolicySettings = MLP(chunk=1, ensemble=None, hidden=(64, 64), loss="l2", blind_to=())
+    policy: PolicySettings = MLP(chunk=1, ensemble=None, hidden=(64, 64), loss="l2", masked_fields=())
     dapg: DAPG = FROM_CLONE
     scratch: SquashedGaussian = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free")
     npg: NPG = NPG()

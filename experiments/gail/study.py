@@ -119,7 +119,8 @@ ON_POLICY = build(
     },
 )  # fmt: skip
 SUITE_POLICY: Mapping[str, Any] = {
-    "relative": True, "anchor": "ee_pos", "blind_to": ("base_*", "joint_*", "ee_*"), "spread": "free", "log_std": -3.0
+    "relative": True, "anchor": "ee_pos", "masked_fields": ("base_*", "joint_*", "ee_*"), "spread": "free",
+    "log_std": -3.0,
 }  # fmt: skip
 SUITE_GAIL: Mapping[str, Any] = {
     "steps": 512_000, "demonstrations": {"bounds": "demonstrations", "labels": "expert"}, "bc_pretrain_steps": 3_000,

@@ -30,7 +30,7 @@ def demos() -> list[Episode]:
 
 def learn(demos: list[Episode], run: Path, **policy: object) -> float:
     settings = BC(steps=500, batch_size=128, lr=2e-3, warmup_steps=50, ema=0.99)
-    config = MLP(**{"hidden": (128, 128), "chunk": 20, "blind_to": (), **policy})  # type: ignore[arg-type]
+    config = MLP(**{"hidden": (128, 128), "chunk": 20, "masked_fields": (), **policy})  # type: ignore[arg-type]
     learned = settings.train(demos, config, run=run, progress=False)
     return success_rate(learned, episodes=EPISODES, seed=10_000)
 

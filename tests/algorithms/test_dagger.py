@@ -148,7 +148,7 @@ def test_what_does_not_fit_together_is_refused(whole: Path, demos: list[Episode]
         train(tmp_path / "a", DAGGER, demos, expert=None)
     other = Corridor(5)
     other.spec = replace(SPEC, robot="crane")
-    with pytest.raises(InvalidValueError, match="corridor on point, the environment is corridor on crane"):
+    with pytest.raises(InvalidValueError, match="another environment: robot: 'point' != 'crane'"):
         train(tmp_path / "b", DAGGER, demos, env=other)
 
 

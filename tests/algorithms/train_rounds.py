@@ -17,7 +17,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
-POLICY = MLP(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
+POLICY = MLP(hidden=(32,), chunk=1, anchor=None, masked_fields=(), ensemble=None)
 BC = BC(
     steps=300,
     batch_size=64,

@@ -60,6 +60,7 @@ def test_a_sign_before_a_key_adds_nothing(sign: str) -> None:
     ("word", "new"),
     [
         ("algorithm.utd_ratio=2", "algorithm.replay.updates_per_step"),
+        ("policy.blind_to=[gripper]", "policy.masked_fields"),
         ("algorithm.prior.path=x", None),
         ("policy.utd_ratio=2", None),
     ],

@@ -53,7 +53,7 @@ def test_without_an_anchor_positions_stay_in_the_world() -> None:
 
 def test_blindness_leaves_out_fields_unless_they_are_asked_for() -> None:
     assert "gripper" not in Layout.of(SPEC, MLP()).names
-    assert Layout.of(SPEC, MLP(blind_to=())).names == SPEC.observation.state_names
+    assert Layout.of(SPEC, MLP(masked_fields=())).names == SPEC.observation.state_names
     assert Layout.of(SPEC, MLP(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
 
 
@@ -211,7 +211,7 @@ def test_execute_must_fit_into_the_chunk(execute: int) -> None:
         ActionPlan(TA, execute)
 
 
-CHUNKS = {"chunk": 4, "anchor": None, "blind_to": ()}
+CHUNKS = {"chunk": 4, "anchor": None, "masked_fields": ()}
 CASES: dict[str, PolicySettings] = {
     "averaged": MLP(hidden=(8,), history=2, execute=1, ensemble=0.1, **CHUNKS),
     "one after the other": MLP(hidden=(8,), execute=3, ensemble=None, **CHUNKS),

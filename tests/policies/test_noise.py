@@ -8,9 +8,9 @@ import torch
 from scipy import stats
 
 from aerial_il.algorithms.bc import with_dropout
+from aerial_il.policies.parts.masked import MaskedPolicy, columns_of
 from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.noise import EpisodeNoise, fingerprints, glimpses, normal_numbers
-from aerial_il.policies.parts.partly_blind import PartlyBlind, columns_of
 from tests.algorithms.point_mass import PointMassBatch
 from tests.policies.test_registry import fresh_policy
 
@@ -88,7 +88,7 @@ CALLS = 30
 
 def flown(*, most: float, hold: float, seeds: np.ndarray, stream: int = 0) -> np.ndarray:
     """Return actions (CALLS, n, Da) for observations that stay as they are at the start of the episode 7."""
-    policy = PartlyBlind(fresh_policy("mlp"), most=most, hold=hold, stream=stream)
+    policy = MaskedPolicy(fresh_policy("mlp"), most=most, hold=hold, stream=stream)
     obs = {name: np.repeat(value, len(seeds), axis=0) for name, value in PointMassBatch(1).reset(7).items()}
     policy.reset()
     policy.begin(seeds)
@@ -119,16 +119,16 @@ def test_others_are_hidden_from_time_to_time() -> None:
 
 def test_a_hidden_field_has_no_say() -> None:
     policy = fresh_policy("mlp", anchor=None)
-    blind = PartlyBlind(policy, most=0.0, hold=1.0)
+    masked = MaskedPolicy(policy, most=0.0, hold=1.0)
     layout, rng = policy.interface.layout, np.random.default_rng(0)
     one, other = (rng.normal(size=(1, policy.config.history, layout.size)) for _ in range(2))
     fields = np.arange(len(layout.names)) == 0
     hidden = columns_of(layout, fields)
     mixed = np.where(hidden, other, one)
-    blind.begin(np.array([0]))
-    assert np.abs(blind.predict(mixed) - blind.predict(one)).max() > 1e-4
-    blind._shown[:] = ~hidden
-    np.testing.assert_array_equal(blind.predict(mixed), blind.predict(one))
+    masked.begin(np.array([0]))
+    assert np.abs(masked.predict(mixed) - masked.predict(one)).max() > 1e-4
+    masked._shown[:] = ~hidden
+    np.testing.assert_array_equal(masked.predict(mixed), masked.predict(one))
 
 
 @pytest.mark.parametrize("most", [0.3, 0.9])

@@ -16,6 +16,8 @@ import yaml
 from aerial_il import policies
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.training_set import read_demos
+from aerial_il.core import checkpoint
+from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
@@ -96,9 +98,9 @@ def test_impossible_settings_are_refused(name: str, settings: dict[str, int]) ->
 
 
 def test_a_single_name_or_width_stands_for_a_list_of_it() -> None:
-    """A command line writes ``policy.blind_to=target_*``, which must not be read letter by letter."""
-    config = MLP(blind_to="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
-    assert (config.blind_to, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
+    """A command line writes ``policy.masked_fields=target_*``, which must not be read letter by letter."""
+    config = MLP(masked_fields="target_*", hidden=256, images=["wrist_rgb"])  # type: ignore[arg-type]
+    assert (config.masked_fields, config.hidden, config.images) == (("target_*",), (256,), ("wrist_rgb",))
     assert replace(BC.selection, operators="expert").operators == ("expert",)  # type: ignore[arg-type]
 
 
@@ -167,8 +169,8 @@ def test_a_folder_of_datasets_is_a_dataset(tmp_path: Path) -> None:
     from aerial_il.data.folder import DatasetFolder
 
     for task in ("a", "b"):
-        (tmp_path / task / "demos").mkdir(parents=True)
         DatasetFolder(tmp_path / task).claim(replace(SPEC, task=task))
+        (tmp_path / task / "demos").mkdir(exist_ok=True)
         (tmp_path / task / "demos" / f"{task}-0.mcap").touch()
     assert open_dataset(tmp_path).uids == ("a-0", "b-0")
 
@@ -203,3 +205,11 @@ def test_what_cannot_be_learned_together_is_refused(demos: list[Episode]) -> Non
     wide = replace(HANG, observation=ObservationSpec((*KEPT[1:], replace(KEPT[0], shape=(2,)))))
     with pytest.raises(InvalidValueError, match="'ee_pos' of hang is not that of the other tasks"):
         unite([demos[0], replace(demos[-1], spec=wide)])
+
+
+def test_what_was_saved_under_an_older_name_of_a_setting_still_flies(tmp_path: Path) -> None:
+    policy = fresh_policy("mlp")
+    saved = policy.to_checkpoint()
+    settings = {"blind_to" if n == "masked_fields" else n: value for n, value in saved.config["settings"].items()}
+    checkpoint.save(tmp_path / "old", Checkpoint(saved.arrays, saved.state, {**saved.config, "settings": settings}))
+    assert load_policy(tmp_path / "old").config == policy.config

@@ -82,7 +82,7 @@ def shown() -> np.ndarray:
 
 def policy_of(scaling: Scaling) -> ChunkPolicy:
     action = ActionSpec("velocity", WORDS, ("m/s",) * 5, -BOUND, BOUND)
-    config = MLP(hidden=(4,), chunk=1, anchor=None, blind_to=(), action_scaling=scaling)
+    config = MLP(hidden=(4,), chunk=1, anchor=None, masked_fields=(), action_scaling=scaling)
     layout = Layout.of(replace(SPEC, action=action), config)
     scaler, obs = Normaliser.fit(shown(), scaling), Normaliser.none(layout.size)
     interface = Interface(layout, obs, scaler, config.obs_clip, Switches.fit(shown()))

@@ -67,7 +67,7 @@ def test_only_flights_by_hand_that_command_poses_are_taken_so(home: Path) -> Non
 
 def test_what_the_user_has_chosen_is_kept(home: Path) -> None:
     cloning = BC(waypoints=Waypoints(lookahead_s=0.5, flown_by="hand"))
-    for mine in (MLP(blind_to=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
+    for mine in (MLP(masked_fields=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
         assert suited(str(home / "hands"), cloning, mine, by_hand=None) == (cloning, mine)
 
 

@@ -135,6 +135,10 @@ class RewardNet:
         of_expert, of_agent = (self.network.standardised(side) for side in self._sides(expert, agent))
         return gradient_penalty(self.network.score, of_expert, of_agent, torch.rand(len(of_expert), 1))
 
+    def descend(self, loss: Tensor) -> None:
+        """Take one step against the gradient of ``loss``."""
+        self._trained.descend(loss)
+
     def learn(
         self, demos: ReplayBuffer, flown: ReplayBuffer, count: int, actor: SquashedGaussianNetwork, how: LearnedReward
     ) -> dict[str, float]:
@@ -152,7 +156,7 @@ class RewardNet:
         if how.gradient_penalty:
             slope = self.gradient_penalty(shown, agent)
             loss, metrics = loss + how.gradient_penalty * slope, {**metrics, "reward/gradient_penalty": slope.item()}
-        self._trained.descend(loss)
+        self.descend(loss)
         return metrics
 
     def along(self, episode: Episode, interface: Interface) -> np.ndarray:

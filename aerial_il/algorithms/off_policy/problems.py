@@ -66,11 +66,11 @@ def from_demonstrations(settings: Algorithm, given: Given) -> Problem:
     if not getattr(settings, "offline_steps", 0):
         check_warmup(settings, given.env)
     goals = settings.hindsight.goals
-    found = problem.from_demonstrations(settings, given, paid=goals == 0)
-    if not goals or found.demos is None:
-        return found
-    goal = goal_columns(given.env, found.interface.layout)
-    return replace(found, demos=rewarded_by(goal, found.demos, tolerance=settings.hindsight.tolerance))
+    shown = problem.from_demonstrations(settings, given, paid=goals == 0)
+    if not goals or shown.demos is None:
+        return shown
+    goal = goal_columns(given.env, shown.interface.layout)
+    return replace(shown, demos=rewarded_by(goal, shown.demos, tolerance=settings.hindsight.tolerance))
 
 
 def explored(interface: Interface) -> Interface:

@@ -88,7 +88,7 @@ class ActorCritic[Actor: StochasticNetwork](Part):
         return self._critic.values(obs)
 
     @abstractmethod
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> Mapping[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> Mapping[str, float]:
         """Learn from one rollout's decisions, and return named numbers.
 
         Args:

@@ -64,7 +64,7 @@ def gae(
     S. Singh, "Between MDPs and semi-MDPs", 1999, section 3, for decisions that last.
     """
     steps, worlds = rewards.shape
-    found, closing = np.zeros((steps, worlds)), np.zeros((steps, worlds), np.int64)
+    advantages, closing = np.zeros((steps, worlds)), np.zeros((steps, worlds), np.int64)
     paid, left, later = np.zeros(worlds), np.ones(worlds), np.zeros(worlds)
     closed_at = np.zeros(worlds, np.int64)
     for t in reversed(range(steps)):
@@ -72,9 +72,9 @@ def gae(
         paid = rewards[t] + np.where(closes, gamma * next_values[t], gamma * paid)
         left, later = gamma * np.where(closes, 1.0, left), np.where(ended[t], 0.0, later)
         closed_at = np.where(closes, t, closed_at)
-        found[t] = np.where(decided[t], paid - values[t] + gae_lambda * left * later, 0.0)
-        closing[t], later = closed_at, np.where(decided[t], found[t], later)
-    return found, closing
+        advantages[t] = np.where(decided[t], paid - values[t] + gae_lambda * left * later, 0.0)
+        closing[t], later = closed_at, np.where(decided[t], advantages[t], later)
+    return advantages, closing
 
 
 class RewardNorm(RunningMoments):

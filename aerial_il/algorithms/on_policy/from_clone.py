@@ -21,6 +21,7 @@ from aerial_il.algorithms.online.demonstrations import check_same
 from aerial_il.algorithms.online.problem import Given, Problem, reward_scheme
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
 from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.run.folder import PRIOR
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint, digest
@@ -38,7 +39,6 @@ TOO_FEW = (
     "In algorithm.steps={} next to nothing is learned: a warm-up of {} (algorithm.warmup) in rollouts of {} "
     "(algorithm.rollout.steps) comes first. Take more than {} steps."
 )
-PRIOR = "prior"  # folder of the clone below a run's
 ANY_CLASS = "algorithm=residual takes a prior of any class."
 
 

@@ -95,22 +95,22 @@ class GuidedPilot(Pilot):
         return acted._replace(actions=led, learner=~guided)
 
     def after(self, step: Transition) -> np.ndarray:
-        found, ended = self._learner.after(step), step.terminal | step.truncated
+        seen, ended = self._learner.after(step), step.terminal | step.truncated
         self._paid += step.rewards
         if ended.any():
             self._returns += self._paid[ended & (self._stages == self.stage)].tolist()
             self._pass()
             self._start_guide(ended)
             self._start(ended)
-        return found
+        return seen
 
     def _pass(self) -> None:
         """Go on to the next stage where the episodes of this one allow it."""
-        curriculum, found = self._curriculum, self._returns[-self._curriculum.window :]
-        if curriculum.schedule == "random" or self.stage == curriculum.stages or len(found) < curriculum.window:
+        curriculum, returns = self._curriculum, self._returns[-self._curriculum.window :]
+        if curriculum.schedule == "random" or self.stage == curriculum.stages or len(returns) < curriculum.window:
             return
-        mean = float(np.mean(found))
-        if self._collector.scheme.sparse and max(found) <= 0.0:
+        mean = float(np.mean(returns))
+        if self._collector.scheme.sparse and max(returns) <= 0.0:
             return
         best = mean if self._best is None else self._best
         if mean >= best - curriculum.tolerance * abs(best):

@@ -62,12 +62,12 @@ class HandOver(Part):
             return {}
         if not len(self._wanted):
             self._wanted = flown_returns(collector, self._prior, self._seeds)
-        found = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
+        returns = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
         self._turn = collector.steps // self._every
-        more = found - self._wanted
+        more = returns - self._wanted
         if more.mean() >= -ERRORS * more.std() / math.sqrt(len(more)):
             self._pass()
-        return {"trial/return": float(found.mean()), "trial/prior": float(self._wanted.mean())}
+        return {"trial/return": float(returns.mean()), "trial/prior": float(self._wanted.mean())}
 
     def close(self) -> None:
         """Say so where what may be used is still the prior when training ends."""

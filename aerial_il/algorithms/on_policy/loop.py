@@ -61,8 +61,8 @@ def learn_on_policy(
         improve = gate.passes(rollout.rewards, rollout.ended, warming_up=warming_up) if gate else not warming_up
         rewards, end_values = (rewarded or scaled)(rollout)
         run.log(more(rollout) if more else {})
-        if found := judged(rollout, rewards, end_values, agent, settings):
-            run.log({**agent.learn(found, left=run.left, improve=improve), "critic/value": found.value})
+        if decisions := judged(rollout, rewards, end_values, agent, settings):
+            run.log({**agent.learn(decisions, left=run.left, improve=improve), "critic/value": decisions.value})
             run.log({"actor/fallbacks": float(not (improve or warming_up))} if gate else {})
             run.log(hand_over.after_learning() if hand_over and improve else {})
         pilot.standardise()

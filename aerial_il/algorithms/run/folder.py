@@ -39,6 +39,7 @@ CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, start again with resume=false, or choose another run=NAME."
+PRIOR = "prior"  # folder of the clone that a run goes on from, which is trained before the run is opened
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
@@ -78,7 +79,7 @@ class RunFolder:
             InvalidValueError: another process uses the folder, or it belongs to another configuration.
             CheckpointError: all its checkpoints are damaged, or it cannot be written.
         """
-        path = claim_folder(path, (PROVENANCE, COMMAND, f"{checkpoint.FOLDER}/*/*"), key="run")
+        path = claim_folder(path, (PROVENANCE, COMMAND, f"{PRIOR}/{PROVENANCE}", f"{checkpoint.FOLDER}/*/*"), key="run")
         with _writing(path):
             path.mkdir(parents=True, exist_ok=True)
         with _locked(path):
@@ -224,7 +225,7 @@ def _settings(path: Path) -> dict[str, Any]:
 
 def _has_moved(key: str, now: Mapping[str, Any]) -> bool:
     """Whether ``key`` is what an earlier version called a setting that is among those of ``now`` by another name."""
-    known = {each.removeprefix("settings.") for each in now if each.startswith("settings.")}
+    known = {each.removeprefix("settings.") for each in now}
     return key not in now and moved(key.removeprefix("settings."), known) is not None
 
 

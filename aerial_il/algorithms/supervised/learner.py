@@ -25,11 +25,11 @@ def require_device(name: str) -> None:
         device = torch.device(name)
     except RuntimeError as error:
         raise InvalidValueError(f"device={name} is none that torch knows. Use cpu, cuda or cuda:1.") from error
-    found = torch.cuda.device_count()
-    if device.type == "cuda" and not found:
+    count = torch.cuda.device_count()
+    if device.type == "cuda" and not count:
         raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
-    if device.type == "cuda" and (device.index or 0) >= found:
-        raise InvalidValueError(f"device={name}: there are {found} GPUs here, counted from 0.")
+    if device.type == "cuda" and (device.index or 0) >= count:
+        raise InvalidValueError(f"device={name}: there are {count} GPUs here, counted from 0.")
 
 
 def precision(device: str, *, mixed: bool) -> torch.autocast:

@@ -176,14 +176,14 @@ class BestCheckpoint:
     @staticmethod
     def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
         """Compare by the number called ``name``; None where no row has it."""
-        found = [(row[name], int(row["step"])) for row in rows if name in row]
-        if not found:
+        values = [(row[name], int(row["step"])) for row in rows if name in row]
+        if not values:
             return None
         sign = -1.0 if name.rpartition("/")[2] in LOWER_IS_BETTER else 1.0
-        merits = [-math.inf if math.isnan(value) else sign * value for value, _ in found]
+        merits = [-math.inf if math.isnan(value) else sign * value for value, _ in values]
         place = merits.index(max(merits))
-        step = max(step for merit, (_, step) in zip(merits, found, strict=True) if merit == merits[place])
-        return BestCheckpoint(found[place][0], step, len(found) - 1 - place, len(found))
+        step = max(step for merit, (_, step) in zip(merits, values, strict=True) if merit == merits[place])
+        return BestCheckpoint(values[place][0], step, len(values) - 1 - place, len(values))
 
 
 @contextmanager

@@ -109,10 +109,10 @@ def check_recorded(spec: EnvSpec, expect: Mapping[str, str]) -> None:
         expect: any of ``robot``, ``task``, ``tier``, ``action`` (level) and ``cameras`` (commas between).
     """
     cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
-    found = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
+    has = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
     for key, wanted in expect.items():
-        if found[key] != wanted:
-            raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
+        if has[key] != wanted:
+            raise InvalidValueError(f"The dataset was recorded with {key}={has[key]}; {key}={wanted} was asked for.")
 
 
 def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T], list[T]]:

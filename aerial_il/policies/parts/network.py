@@ -123,9 +123,9 @@ class PolicySettings(ABC):
         relative: see and predict in the frame of the end effector at the moment of prediction: ``ee_pose`` actions,
             normalised as such, and directions, velocities, orientations and positions relative to the anchor. Its own
             pose is shown in the world.
-        obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
-        blind_to: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that tell
-            what was decided before belong here, such as how far the gripper has closed: a network that sees them
+        obs_names: observation fields; empty for all that are neither images nor named in ``masked_fields``.
+        masked_fields: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that
+            tell what was decided before belong here, such as how far the gripper has closed: a network that sees them
             repeats the decision rather than making it, and cannot recover from a wrong one.
         images: camera fields that it sees beside them, such as ``wrist_rgb``; see :mod:`.vision`.
         encoder: what looks at them: ``cnn``, or ``resnet18`` with random weights.
@@ -143,7 +143,7 @@ class PolicySettings(ABC):
     anchor: str | None
     relative: bool
     obs_names: tuple[str, ...]
-    blind_to: tuple[str, ...]
+    masked_fields: tuple[str, ...]
     images: tuple[str, ...]
     encoder: Encoder
     image_features: int

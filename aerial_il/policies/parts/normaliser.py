@@ -49,8 +49,8 @@ class Normaliser:
         if self.centre.shape != self.scale.shape or self.centre.ndim != 1:
             raise InvalidValueError(f"centre {self.centre.shape} and scale {self.scale.shape} must both be (D,).")
         if self.constant is not None and (self.constant.shape, self.constant.dtype) != (self.scale.shape, bool):
-            found, wanted = f"{self.constant.dtype} {self.constant.shape}", self.scale.shape
-            raise InvalidValueError(f"constant is {found}; it must be bool {wanted}, one for each scale.")
+            given, wanted = f"{self.constant.dtype} {self.constant.shape}", self.scale.shape
+            raise InvalidValueError(f"constant is {given}; it must be bool {wanted}, one for each scale.")
         if not (np.isfinite(self.centre).all() and np.isfinite(self.scale).all() and (self.scale > 0).all()):
             raise InvalidValueError("A normaliser's centre must be finite, its scale finite and positive.")
 

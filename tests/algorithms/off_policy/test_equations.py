@@ -192,14 +192,14 @@ def test_only_the_choice_that_was_taken_is_learned_about() -> None:
 def test_dueling_values_are_those_of_state_plus_advantages() -> None:
     """Whatever is added to all advantages alike changes nothing."""
     network, seen = choices([[1.0, 2.0, 6.0], [0.0, 0.0, 0.0]], dueling=True), torch.tensor([[[1.0, 0.0]]])
-    assert network.worth is not None
+    assert network.value is not None
     with torch.no_grad():
-        network.worth.weight.copy_(torch.tensor([[10.0, 0.0]]))
-        network.worth.bias.zero_()
+        network.value.weight.copy_(torch.tensor([[10.0, 0.0]]))
+        network.value.bias.zero_()
         assert network.scores(seen)[0, 0].tolist() == pytest.approx([8.0, 9.0, 13.0])
         network.advantages.bias.add_(70.0)
         assert network.scores(seen)[0, 0].tolist() == pytest.approx([8.0, 9.0, 13.0], abs=1e-4)
-        network.worth.bias.add_(1.0)
+        network.value.bias.add_(1.0)
         assert network.scores(seen)[0, 0].tolist() == pytest.approx([9.0, 10.0, 14.0], abs=1e-4)
 
 

@@ -47,7 +47,7 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def chunked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    policy = MLP(hidden=(16,), chunk=3, anchor=None, blind_to=())
+    policy = MLP(hidden=(16,), chunk=3, anchor=None, masked_fields=())
     return cloned(tmp_path_factory.mktemp("chunked") / "run", policy)
 
 

@@ -29,7 +29,7 @@ from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
 from tests.algorithms.made import made
 
 POLICY = SquashedGaussian(hidden=(16,))
-CHUNKED = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+CHUNKED = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, masked_fields=())
 SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
 SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 80, "critics": 3, "bc_pretrain_steps": 50}
 

@@ -24,7 +24,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork
 from tests.algorithms.drift import SPEC, Drift
 
-PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, blind_to=())
+PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, masked_fields=())
 
 
 class Seen:

@@ -62,7 +62,7 @@ def test_clipped_gradients_lead_back_but_not_further(ratio: float, better: bool,
 
 # -- dapg
 
-POLICY = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+POLICY = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, masked_fields=())
 FLOWN = 12
 
 

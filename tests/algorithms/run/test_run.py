@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import yaml
 
-from aerial_il.algorithms.run.folder import CONFIG, RunFolder
+from aerial_il.algorithms.run.folder import CONFIG, PROVENANCE, RunFolder
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
@@ -88,6 +88,7 @@ def old_run(run: Path, settings: dict[str, Any]) -> Path:
     """Leave a folder in which a run with these settings has taken a checkpoint."""
     (run / checkpoint.FOLDER).mkdir(parents=True)
     (run / CONFIG).write_text(yaml.safe_dump({"settings": settings}))
+    (run / PROVENANCE).write_text('{"packages": {"aerial-il": "0.1.0"}}')
     return run
 
 

@@ -26,7 +26,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.point_mass import demonstrations
 
-POLICY = MLP(hidden=(16,), blind_to=())
+POLICY = MLP(hidden=(16,), masked_fields=())
 CADENCE = Cadence(log_every=20, evaluate_every=10, checkpoint_every=1000, keep_checkpoints=3)
 UNJUDGED = replace(CADENCE, evaluate_every=0)
 SETTINGS = BC(steps=60, batch_size=16, validate_every=0, cadence=CADENCE)
@@ -135,7 +135,7 @@ def test_a_missing_gpu_is_named(demos: list[Episode], tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"device=gpu is none that torch knows\. Use cpu, cuda"):
         replace(SETTINGS, device="gpu").train(demos, POLICY, run=tmp_path / "gpu", progress=False)
     with pytest.raises(InvalidValueError, match=r"device=cuda needs a GPU.*device=cpu"):
-        replace(SETTINGS, device="cuda").train(demos, POLICY, run=tmp_path, progress=False)
+        replace(SETTINGS, device="cuda").train(demos, POLICY, run=tmp_path / "cuda", progress=False)
 
 
 def test_how_often_a_patient_run_is_judged_is_part_of_it(demos: list[Episode], tmp_path: Path) -> None:

@@ -82,5 +82,5 @@ def _require(name: str) -> None:
 
 def _installed(name: str) -> bool:
     """Whether a package is there; a folder of that name, as trackers leave them, is none."""
-    found = importlib.util.find_spec(name)
-    return found is not None and found.origin is not None
+    spec = importlib.util.find_spec(name)
+    return spec is not None and spec.origin is not None

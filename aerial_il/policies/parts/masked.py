@@ -23,7 +23,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of, with_state
 
 
-class PartlyBlind(ChunkPolicy):
+class MaskedPolicy(ChunkPolicy):
     """``policy`` with a share of its fields hidden; which ones, each world draws anew every so often.
 
     Args:
