@@ -58,6 +58,7 @@ async def a_page(session: aiohttp.ClientSession, flight: Flown) -> Page:
     return Page(await session.ws_connect(f"http://127.0.0.1:{flight.server.port}/socket?token={flight.server.token}"))
 
 
+@pytest.mark.usefixtures("unhurried", "patient")
 async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> None:
     mouse: FakeMouse
     with simulated("spacemouse", tmp_path / "usb") as mouse:
@@ -69,6 +70,7 @@ async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> N
             mouse.send(translation(0, -350, 0))
             await asyncio.sleep(0.3)
             assert status().speed == 0.0, "nobody is at the page"
+            mouse.send(translation(0, 0, 0))
             page = await a_page(session, flight)
             await until(lambda: status().speed == 0.0 and not status().dead)
             pushing = asyncio.create_task(push(mouse))
@@ -107,6 +109,7 @@ async def push(mouse: FakeMouse) -> None:
         await asyncio.sleep(0.016)
 
 
+@pytest.mark.usefixtures("patient")
 async def test_a_leader_arm_moves_joints_while_keys_move_the_base(tmp_path: Path) -> None:
     arm: FakeArm
     with simulated("leader_arm", tmp_path / "usb") as arm:
