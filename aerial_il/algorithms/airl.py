@@ -24,8 +24,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.adversarial.discriminator import Discriminator
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
-from aerial_il.algorithms.adversarial.settings import LearnedReward
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward, RewardNet, Shape
 from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.demonstrations import Demonstrations

@@ -33,18 +33,17 @@ from torch import Tensor
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
-from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
 
 
@@ -86,17 +85,14 @@ class BCPPO(FromClone):
     cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        return chunked(prior, self.prior, self.exploration)
-
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         actor = start.chunk_actor(run, self.exploration)
         agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
         pilot = ChunkPilot(actor, start.prior, run.collector)
         gate = ReturnGate(actor, run.collector.n, self.gate)
         hand_over = HandOver(run, start.alone, actor.network, self.trial)
         learn_on_policy(run, self, pilot, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
-        return hand_over.finish()
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):

@@ -37,11 +37,11 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.npg import NaturalGradientAgent
 from aerial_il.algorithms.on_policy.advantages import Advantages
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor, ChunkPilot
-from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
@@ -96,17 +96,14 @@ class DAPG(FromClone):
         require_share(self, "demos_decay")
         require_positive(self, "shown")
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        return chunked(prior, self.prior, self.exploration)
-
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         actor = start.chunk_actor(run, self.exploration)
         shown = Demonstrated(start.demos, start.prior, actor, run.rng("demonstrations"))
         agent = AugmentedAgent(self, actor, start.prior.config.history * run.sizes[0], shown)
         pilot = ChunkPilot(actor, start.prior, run.collector)
         hand_over = HandOver(run, start.alone, actor.network, self.trial)
         learn_on_policy(run, self, pilot, agent, actor.network, warmup=self.warmup, hand_over=hand_over)
-        return hand_over.finish()
 
 
 class Demonstrated(Part):

@@ -26,22 +26,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import ascent, squared_error
+from aerial_il.algorithms.off_policy.agent import Agent, ascent, squared_error
 from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import Follower
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -73,9 +69,9 @@ class DDPG(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_from_reward(run, self, agent, agent.update)
+        learn_from_reward(run, self, agent, agent.update)
 
 
 class DeterministicAgent(Agent[SquashedGaussianNetwork]):

@@ -25,8 +25,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
-from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
+from aerial_il.algorithms.adversarial.reward_net import (
+    LearnedReward,
+    RewardNet,
+    starts_cloned,
+)
 from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
@@ -42,7 +45,6 @@ from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -108,7 +110,7 @@ class GAIL(Algorithm):
             check_steps(self, "warmup", (self.warmup // rollout + 1) * rollout)
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
         absorbing, imitates = self.demonstrations.absorbing, self.demonstrations.control != "constant_reward"
@@ -120,12 +122,7 @@ class GAIL(Algorithm):
         def rewarded(rollout: Decisions) -> tuple[np.ndarray, np.ndarray]:
             buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
             for _ in range(imitates * int(self.reward.updates)):
-                half = self.reward_batch // 2
-                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.reward.action_noise)
-                penalty = self.reward.gradient_penalty
-                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=penalty)
-                reward_net.descend(loss)
-                run.log(logged)
+                run.log(reward_net.learn(expert_buffer, buffer, self.reward_batch // 2, agent.actor, self.reward))
             rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
             run.log({"reward/mean": float(rewards.mean())})
             return rewards, end_values
@@ -137,7 +134,6 @@ class GAIL(Algorithm):
         given = {"warmup": warmup, "rewarded": rewarded, "parts": parts}
         learn_on_policy(run, self, pilot, agent, agent.actor, **given)
         reward_net.save(run.folder.path)
-        return run.finish()
 
     def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
         """Return a new discriminator for observations and actions of these ``sizes``."""

@@ -30,16 +30,13 @@ from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.loop import check_rollout, learn_step_by_step
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_pretrain
-from aerial_il.algorithms.online.problem import Given, Problem, from_reward
-from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source, from_reward
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, bc_pretrain
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.categorical import Categorical
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -76,8 +73,8 @@ class PPO(Algorithm):
         check_rollout(self, given.env)
         return from_reward(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        return learn_step_by_step(run, self, ProximalActorCritic)
+    def learn(self, run: OnlineRun) -> None:
+        learn_step_by_step(run, self, ProximalActorCritic)
 
 
 class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):

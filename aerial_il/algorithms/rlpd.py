@@ -34,23 +34,20 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.critics import squared_error
+from aerial_il.algorithms.off_policy.agent import squared_error
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch, concatenated
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -91,7 +88,7 @@ class RLPD(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
@@ -105,7 +102,6 @@ class RLPD(Algorithm):
             return agent.update(batch, demos=near)
 
         learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts={"demonstrations": demos})
-        return run.finish()
 
 
 class EnsembleActorCritic(SoftActorCritic):

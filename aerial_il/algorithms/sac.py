@@ -26,22 +26,17 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import squared_error
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.agent import Agent, squared_error
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_loss, bc_pretrain
-from aerial_il.algorithms.online.problem import Given, Problem
-from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, bc_loss, bc_pretrain
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -73,9 +68,9 @@ class SAC(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_from_reward(run, self, agent, agent.update)
+        learn_from_reward(run, self, agent, agent.update)
 
 
 class SoftActorCritic(Agent[SquashedGaussianNetwork]):

@@ -52,6 +52,11 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         raise type(error)(f"{at if named else ''}{error}") from error
 
 
+def changed[S](settings: S, changes: Mapping[str, Any]) -> S:
+    """Return settings with some of their values changed, nested ones likewise; see :func:`build`."""
+    return build(type(settings), changes, base=settings)
+
+
 def _over_preset[S](kind: type[S], given: dict[str, Any], preset: str, base: S | None, at: str) -> S:
     """Return settings in which what is ``given`` stands over what the preset says that is named in it."""
     name = given.pop(preset)

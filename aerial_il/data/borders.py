@@ -60,9 +60,11 @@ def ends_of(raw: Raw) -> np.ndarray:
 
 
 def off_rate(times: Rows, period_s: float) -> float | None:
-    """Return the period (s) that time stamps keep instead of ``period_s``, or None where they keep that one."""
-    passed = float(np.median(np.diff(np.asarray(times)))) if len(times) > 1 else period_s
-    return passed if passed > 0 and abs(passed - period_s) > 0.1 * period_s else None
+    """Return the period (s) that most time stamps keep instead of ``period_s``, or None where there is none."""
+    passed = np.diff(np.asarray(times, float).reshape(-1)) if len(times) > 1 else np.full(1, period_s)
+    middle = float(np.median(passed))
+    kept = 2 * np.count_nonzero(np.abs(passed - middle) <= 0.1 * middle) > len(passed)
+    return middle if kept and middle > 0 and abs(middle - period_s) > 0.1 * period_s else None
 
 
 def piece(raw: Raw, first: int, last: int) -> Raw:

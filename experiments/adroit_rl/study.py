@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
 from aerial_il.algorithms.on_policy.from_clone import PRIOR
-from aerial_il.algorithms.online.rewards import Source as Reward
+from aerial_il.algorithms.online.problem import Source as Reward
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

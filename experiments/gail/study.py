@@ -28,11 +28,10 @@ from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.sac import SAC
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import is_sealed
-from aerial_il.core.composition import build
+from aerial_il.core.composition import build, changed
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
-from aerial_il.core.settings import changed
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.evaluation.result import EvaluationResult

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerial_il.algorithms.off_policy.exploration import Explorer
-from aerial_il.algorithms.off_policy.hindsight import Hindsight, Relabeller, goal_columns
+from aerial_il.algorithms.off_policy.hindsight import Relabeller, goal_columns
+from aerial_il.algorithms.off_policy.settings import Hindsight
 from aerial_il.algorithms.online.interface import decode, encode, standardised
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of

@@ -11,7 +11,6 @@ from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.replay_buffer import Batch, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 def learn_off_policy(
@@ -27,7 +26,7 @@ def learn_off_policy(
     offline: int = 0,
     every: int = 1,
 ) -> None:
-    """Fly, store, learn, until no steps are left; ``run.finish()`` then saves the policy.
+    """Fly, store, learn, until no steps are left.
 
     Args:
         agent: flies once the warm-up is over.
@@ -62,8 +61,8 @@ def learn_off_policy(
 
 def learn_from_reward(
     run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[..., Mapping[str, float]]
-) -> ChunkPolicy:
-    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone, and return the trained policy.
+) -> None:
+    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone.
 
     Through the warm-up actions are random; a prior flies it itself, while its critics learn.
     """
@@ -75,12 +74,11 @@ def learn_from_reward(
         return learn(flights.buffer.sample(size), improve=improve)
 
     learn_off_policy(run, settings, agent, flights, update, pilot=pilot)
-    return run.finish()
 
 
 def learn_offline_first(
     run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[[Batch], Mapping[str, float]]
-) -> ChunkPolicy:
+) -> None:
     """Let ``agent`` learn, each time from a minibatch: ``offline_steps`` times from the dataset, then as it flies.
 
     It flies through the warm-up as it is; without ``offline_steps`` actions are random there. In each minibatch that
@@ -98,7 +96,6 @@ def learn_offline_first(
 
     parts = {"demonstrations": demos}
     learn_off_policy(run, settings, agent, flights, update, pilot=pilot, parts=parts, offline=settings.offline_steps)
-    return run.finish()
 
 
 def lr_at(settings: Algorithm, left: float) -> float:

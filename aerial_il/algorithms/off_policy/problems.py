@@ -9,9 +9,8 @@ import numpy as np
 from aerial_il.algorithms.off_policy.hindsight import goal_columns
 from aerial_il.algorithms.online import problem
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem, check_steps, whole_turns
+from aerial_il.algorithms.online.problem import Given, Problem, check_steps, reward_scheme, whole_turns
 from aerial_il.algorithms.online.rewarded_demonstrations import rewarded_by
-from aerial_il.algorithms.online.rewards import reward_scheme
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import BatchEnv
@@ -67,7 +66,7 @@ def from_demonstrations(settings: Algorithm, given: Given) -> Problem:
     if not getattr(settings, "offline_steps", 0):
         check_warmup(settings, given.env)
     goals = settings.hindsight.goals
-    found = problem.from_demonstrations(settings, given, scheme=reward_scheme(settings), paid=goals == 0)
+    found = problem.from_demonstrations(settings, given, paid=goals == 0)
     if not goals or found.demos is None:
         return found
     goal = goal_columns(given.env, found.interface.layout)

@@ -15,7 +15,6 @@ import numpy as np
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import Explorer
 from aerial_il.algorithms.online.collector import Collector, Transition
-from aerial_il.algorithms.online.demonstrations import Transitions
 from aerial_il.algorithms.online.interface import decode, encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
@@ -91,7 +90,7 @@ def columns(proposed: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def proposed_demos(
-    demos: Transitions, interface: Interface, rng: np.random.Generator, *, absorbing: bool
+    demos: Transition, interface: Interface, rng: np.random.Generator, *, absorbing: bool
 ) -> ReplayBuffer:
     """Return demonstrations as a buffer, sampled by ``rng``, whose observations carry proposals."""
     obs_size, action_size = interface.layout.size, demos.actions.shape[1]
@@ -100,7 +99,7 @@ def proposed_demos(
     return buffer
 
 
-def demonstrated_rows(demos: Transitions, interface: Interface, *, absorbing: bool) -> np.ndarray:
+def demonstrated_rows(demos: Transition, interface: Interface, *, absorbing: bool) -> np.ndarray:
     """Return demonstrations as rows of a replay buffer whose observations carry proposals."""
     actions = encode_actions(interface, demos.actions, demos.frames)
     follows = np.append((demos.next_frames[:-1] == demos.frames[1:]).all(axis=1), False)

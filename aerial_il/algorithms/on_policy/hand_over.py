@@ -69,11 +69,10 @@ class HandOver(Part):
             self._pass()
         return {"trial/return": float(found.mean()), "trial/prior": float(self._wanted.mean())}
 
-    def finish(self) -> ChunkPolicy:
-        """Finish the run and return what may be used; say so where that is still the prior."""
+    def close(self) -> None:
+        """Say so where what may be used is still the prior when training ends."""
         if not self._passed:
             log.warning(STILL_THE_PRIOR)
-        return self._run.finish()
 
     def _pass(self) -> None:
         self._passed = True

@@ -19,7 +19,6 @@ from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork, StochasticNetwork
 
 
@@ -37,7 +36,7 @@ def learn_on_policy(
     more: Callable[[Decisions], Mapping[str, float]] | None = None,
     parts: Mapping[str, Stateful] | None = None,
 ) -> None:
-    """Fly and learn until no steps are left; the caller finishes the run.
+    """Fly and learn until no steps are left.
 
     Args:
         pilot: flies. agent: learns. actor: the network whose policy is evaluated on the way and saved.
@@ -68,12 +67,14 @@ def learn_on_policy(
             run.log(hand_over.after_learning() if hand_over and improve else {})
         pilot.standardise()
         run.end_turn()
+    if hand_over:
+        hand_over.close()
 
 
 def learn_step_by_step(
     run: OnlineRun, settings: Algorithm, agent_of: Callable[[Any, StochasticNetwork, int], ActorCritic]
-) -> ChunkPolicy:
-    """Learn from single steps and the environment's reward, and return the trained policy.
+) -> None:
+    """Learn from single steps and the environment's reward.
 
     Args:
         agent_of: ``(settings, actor, Do)`` -> what learns.
@@ -81,7 +82,6 @@ def learn_step_by_step(
     actor = run.build_actor(StochasticNetwork)
     agent = agent_of(settings, actor, run.sizes[0])
     learn_on_policy(run, settings, StepPilot(run, actor, obs_norm=True), agent, actor)
-    return run.finish()
 
 
 def judged(

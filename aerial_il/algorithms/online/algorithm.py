@@ -6,11 +6,11 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import fields
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.algorithms.online.interface import check_policy
-from aerial_il.algorithms.online.problem import Given, Problem
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.run import OnlineRun, open_run
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.checks import (
@@ -20,7 +20,7 @@ from aerial_il.core.checks import (
     require_share,
     require_widths,
 )
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -125,6 +125,7 @@ class Algorithm(ABC):
         env: BatchEnv,
         run: str | os.PathLike[str],
         seed: int = 0,
+        expert: Policy | None = None,
         evaluate: Evaluate | None = None,
         resume: bool = True,
         progress: bool = True,
@@ -138,6 +139,7 @@ class Algorithm(ABC):
             env: a batch environment to act in; it is reset.
             run: folder for configuration, metrics, checkpoints, a learned reward and the finished policy.
             seed: decides initial weights, exploration, minibatches and which episodes are flown.
+            expert: who can fly here, for those that need one.
             evaluate: ``(policy, step) -> named numbers`` to log every ``cadence.evaluate_every`` steps and at the end.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
@@ -147,9 +149,13 @@ class Algorithm(ABC):
                 ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
-        problem = self.problem(Given(dataset, check_policy(policy, self.trains), env, seed))
+        policy = check_policy(policy, self.trains)
+        problem = self.problem(Given(dataset, policy, env, seed, Path(run), expert, resume, progress))
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.learn(opened) if opened else load_policy(run)
+            if opened is None:
+                return load_policy(run)
+            self.learn(opened)
+            return opened.finish()
 
     @property
     def evaluate_every(self) -> int:
@@ -165,5 +171,5 @@ class Algorithm(ABC):
         """
 
     @abstractmethod
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        """Collect and learn until the run has no steps left; return the trained policy."""
+    def learn(self, run: OnlineRun) -> None:
+        """Collect and learn until the run has no steps left."""

@@ -24,6 +24,7 @@ from aerial_il.algorithms.run.trackers import open_trackers
 from aerial_il.core import checkpoint
 from aerial_il.core.bounded import parse_json, parse_yaml, read_json, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.composition import dotted
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
 from aerial_il.core.places import claim_folder
@@ -227,8 +228,7 @@ def _has_moved(key: str, now: Mapping[str, Any]) -> bool:
     return key not in now and moved(key.removeprefix("settings."), known) is not None
 
 
-def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:
-    if not isinstance(tree, dict):
-        return {prefix: tree}
-    inner = [_flat(v, cadence, f"{prefix}.{k}" if prefix else k) for k, v in tree.items() if k not in cadence]
-    return {k: v for part in inner for k, v in part.items()}
+def _flat(tree: Mapping[str, Any], cadence: tuple[str, ...]) -> dict[str, Any]:
+    """Return dotted keys -> values, without empty groups and what may change between calls."""
+    leaves = dotted(tree).items()
+    return {key: value for key, value in leaves if value != {} and not {*key.split(".")} & {*cadence}}

@@ -6,16 +6,36 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
 from aerial_il.algorithms.run.train_state import Follower, TrainState, adamw
-from aerial_il.core.errors import TrainingDivergedError
+from aerial_il.core.errors import InvalidValueError, TrainingDivergedError
 from aerial_il.policies.parts.network import ChunkNetwork
 from aerial_il.policies.parts.prefixed import below, under
 
 HINT = "Lower the learning rate; the last checkpoint is intact."
+
+
+def require_device(name: str) -> None:
+    """Refuse a torch device that is not there, or that there cannot be."""
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise InvalidValueError(f"device={name} is none that torch knows. Use cpu, cuda or cuda:1.") from error
+    found = torch.cuda.device_count()
+    if device.type == "cuda" and not found:
+        raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
+    if device.type == "cuda" and (device.index or 0) >= found:
+        raise InvalidValueError(f"device={name}: there are {found} GPUs here, counted from 0.")
+
+
+def precision(device: str, *, mixed: bool) -> torch.autocast:
+    """Return the context in which the loss is computed: bfloat16 where ``mixed`` and on a GPU, else float32."""
+    mixed = mixed and device.startswith("cuda")
+    return torch.autocast("cuda" if mixed else "cpu", dtype=torch.bfloat16, enabled=mixed)
 
 
 def cosine(progress: float, step: int, *, warmup_steps: int, floor: float) -> float:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
@@ -18,6 +20,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.windows import Batch, Windows
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicySettings, Shown, shown
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -249,3 +252,56 @@ def _reach(weights: np.ndarray) -> np.ndarray:
 def _visits(reach: np.ndarray, start: float) -> np.ndarray:
     """Return the windows (N,) visited in an epoch, each as its weight says, rounded up or down by ``start``."""
     return np.repeat(np.arange(len(reach)), np.diff(np.floor(reach + start).astype(int), prepend=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a run of supervised learning is given.
+
+    Attributes:
+        policy: what is trained. initial: whose weights it starts from, or None.
+        interface: the way into and out of its network.
+        training: windows to learn from. held_out: windows to validate on, or None.
+        order: in which they are visited.
+        description: what of the data decides the run.
+    """
+
+    policy: PolicySettings
+    initial: ChunkPolicy | None
+    interface: Interface
+    training: TrainingSet
+    held_out: TrainingSet | None
+    order: Shuffle
+    description: dict[str, Any]
+
+
+def prepare(
+    demos: Demonstrations,
+    policy: PolicySettings,
+    *,
+    batch_size: int,
+    device: str,
+    seed: int,
+    initial: ChunkPolicy | None,
+) -> Prepared:
+    """Cut demonstrations into windows and normalise them, as ``initial`` does where it is given.
+
+    Raises:
+        InvalidValueError: ``initial`` has another configuration than ``policy``.
+    """
+    layout = demos.layout
+    if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
+        raise InvalidValueError("The initial policy has another configuration than the one to train.")
+    windows = cut_windows(demos.kept, layout, policy)
+    weights = window_weights(demos.weights, windows)
+    interface = initial.interface if initial else fit_interface(layout, windows, policy)
+    training = TrainingSet(windows, interface, device)
+    held_out = TrainingSet(cut_windows(demos.held_out, layout, policy), interface, device) if demos.held_out else None
+    order = Shuffle(len(training), batch_size, seed=seed, weights=weights)
+    data = {
+        "demonstrations": len(demos.kept) + len(demos.held_out),
+        "frames": len(training),
+        "digest": digest_of(windows, weights),
+    }
+    start = {"initial": digest(Checkpoint(initial.to_checkpoint().arrays))} if initial else {}
+    return Prepared(policy, initial, interface, training, held_out, order, {"dataset": data, **start})

@@ -62,8 +62,9 @@ def find(name: str) -> Command:
         raise UnknownNameError("command", name, names(), "See: aerial-il --help")
     module = importlib.import_module(_modules()[name])
     more = {each: getattr(module, each.upper()) for each in ("bare", "output") if hasattr(module, each.upper())}
-    work = {each: getattr(module, each, None) for each in ("shards", "together")}
-    return Command(name, (module.__doc__ or "").strip(), module.SETTINGS, module.run, **more, **work)
+    doc, shards = (module.__doc__ or "").strip(), getattr(module, "shards", None)
+    together = getattr(module, "together", None)
+    return Command(name, doc, module.SETTINGS, module.run, **more, shards=shards, together=together)
 
 
 @cache

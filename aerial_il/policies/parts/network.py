@@ -10,9 +10,8 @@ from typing import Any, Literal, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from aerial_il.core.checks import require_choice, require_positive, require_share
+from aerial_il.core.checks import make_tuples, require_choice, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.settings import make_tuples
 from aerial_il.policies.parts.normaliser import Scaling
 
 Encoder = Literal["cnn", "resnet18"]

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.contracts import Observation
-from aerial_il.core.seeding import named_rng
+from aerial_il.core.seeding import restarted
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of, with_state
@@ -41,15 +41,10 @@ class PartlyBlind(ChunkPolicy):
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Draw what is hidden in the episodes ``seeds`` (n,) that begin in the worlds of ``mask`` (n,), or in all."""
-        fresh = len(self._rngs) != len(seeds)
-        chosen = np.ones(len(seeds), bool) if mask is None or fresh else mask
-        rngs = [named_rng(int(seed), "partly blind", str(self._stream)) for seed in seeds]
-        self._rngs = [
-            new if due else old for new, old, due in zip(rngs, rngs if fresh else self._rngs, chosen, strict=True)
-        ]
-        if fresh:
+        self._rngs, begins = restarted(self._rngs, seeds, mask, "partly blind", str(self._stream))
+        if len(self._shown) != len(seeds):
             self._shown = np.ones((len(seeds), self._shown.shape[1]), np.float32)
-        for world in np.flatnonzero(chosen):
+        for world in np.flatnonzero(begins):
             self._shown[world] = self._drawn(self._rngs[world])
 
     def act(self, obs: Observation) -> np.ndarray:

@@ -88,6 +88,7 @@ def film(
     successes: int = 2,
     failures: int = 2,
     cameras: Sequence[str] = ("scene", "wrist"),
+    progress: bool = False,
 ) -> Footage:
     """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
 
@@ -97,6 +98,7 @@ def film(
         folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
         successes, failures: how many of each, at most.
         cameras: views from left to right; those that the environment lacks are left out.
+        progress: show a progress bar for each film.
 
     Returns:
         The clips in the order of their seeds, or the reason why nothing can be rendered.
@@ -109,7 +111,7 @@ def film(
     clips = []
     for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
         path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
-        clips.append(film_episode(env, result, episode, path, cameras=views))
+        clips.append(film_episode(env, result, episode, path, cameras=views, progress=progress))
     return Footage(tuple(clips))
 
 
@@ -125,8 +127,9 @@ def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
 
 
 def film_episode(
-    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
-) -> Clip:
+    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str],
+    progress: bool = False,
+) -> Clip:  # fmt: skip
     """Fly one episode again in world 0 of ``env`` and write its film.
 
     Raises:
@@ -145,7 +148,9 @@ def film_episode(
         frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
     else:
         frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
-    last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    total, name = -(-len(flight.actions) // (speed * stride)), f"film of seed {episode.seed}"
+    drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
+    last = write_mp4(path, iter(drawn), rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
     return clip
 

@@ -63,7 +63,7 @@ def training_resources(
     if not needs:
         yield {}
         return
-    from aerial_il.algorithms.online.rewards import forfeits_by_success
+    from aerial_il.algorithms.online.problem import forfeits_by_success
     from aerial_il.collection.collect import collect
     from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
     from aerial_il.workflows.parts.page import OPERATORS, operator

@@ -14,9 +14,9 @@ from aerial_il import algorithms
 from aerial_il.algorithms.online.collector import Collector, RewardScheme
 from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.interface import plain_interface
+from aerial_il.algorithms.online.problem import reward_scheme
 from aerial_il.algorithms.online.replay_buffer import Batch, rows_of
 from aerial_il.algorithms.online.rewarded_demonstrations import with_rewards
-from aerial_il.algorithms.online.rewards import reward_scheme
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.rlpd import RLPD, EnsembleActorCritic
 from aerial_il.core.errors import InvalidValueError, NoRewardError

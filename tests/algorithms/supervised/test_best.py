@@ -16,8 +16,8 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.run.train_state import adamw, from_arrays, to_arrays
-from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
 from aerial_il.algorithms.supervised.learner import Learner, cosine
+from aerial_il.algorithms.supervised.supervised_run import BestCheckpoint
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.errors import CheckpointError, InvalidValueError

@@ -218,6 +218,8 @@ def test_time_stamps_are_held_against_the_rate(tmp_path: Path) -> None:
     assert doubled.uids[-1] == "episode_000001"
     assert "time stamps" in " ".join(findings(doubled).values())
     assert "step 1, field times" in " ".join(findings(doubled).values())
+    both = open_dataset(lerobot(tmp_path / "both", [5, 4], times=lambda t: np.r_[0, 0, 0.1, 0.1, 5.0, t[5:]]))
+    assert "time stamps that do not advance evenly. [step 1, field times]" in " ".join(findings(both).values())
     slow = lerobot(tmp_path / "slow", [5, 4], times=lambda t: 2 * t)
     with pytest.raises(DemoError, match=r"time stamps of another rate.*control_dt=0\.0666667"):
         open_dataset(slow)

@@ -13,10 +13,23 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from typing import Protocol
 
 from aerial_il.algorithms.run.trackers import mlflow, tensorboard, wandb
-from aerial_il.algorithms.run.trackers.tracker import Tracker
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+
+class Tracker(Protocol):
+    """Receives the rows of a run's metrics, from the first one each time the run is opened."""
+
+    def write(self, row: Mapping[str, float]) -> None:
+        """Take one row: ``step`` and named finite numbers."""
+        ...
+
+    def close(self) -> None:
+        """Write what is pending and let go."""
+        ...
+
 
 TRACKERS: Mapping[str, Callable[[Path], Tracker]] = {
     "tensorboard": tensorboard.TensorBoard,
