@@ -63,7 +63,9 @@ async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> N
     mouse: FakeMouse
     with simulated("spacemouse", tmp_path / "usb") as mouse:
         async with (
-            flown(tmp_path, devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}) as flight,
+            flown(
+                tmp_path / "out", devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}
+            ) as flight,
             aiohttp.ClientSession() as session,
         ):
             status = flight.cockpit.status
@@ -96,7 +98,7 @@ async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> N
             pushing.cancel()
             page.hush()
     env = world()
-    (file,) = DatasetFolder(tmp_path).files("failures")
+    (file,) = DatasetFolder(tmp_path / "out").files("failures")
     episode = read_episode(file)
     assert np.ptp(episode.actions[:, 0]) > 0.05, "the mouse was flown"
     assert refly(env, episode) == replay(env, episode) == len(episode)
@@ -114,7 +116,7 @@ async def test_a_leader_arm_moves_joints_while_keys_move_the_base(tmp_path: Path
     arm: FakeArm
     with simulated("leader_arm", tmp_path / "usb") as arm:
         used = {"devices": ("keyboard", "leader_arm"), "hardware": {"leader_arm": arm.settings}}
-        async with flown(tmp_path, action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
+        async with flown(tmp_path / "out", action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
             page, status = await a_page(session, flight), flight.cockpit.status
             page.pressed = ["KeyR"]
             await until(lambda: status().state == "recording")
