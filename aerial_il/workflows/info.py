@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.core.bounded import read_json
 from aerial_il.core.files import write_json
 from aerial_il.workflows.parts.reading import Reading
 
@@ -55,6 +54,8 @@ def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
 
 def _known(cache: Path) -> dict[str, Any]:
     """Return uid -> stamp of the file and what was said of it; nothing where the file is missing or none of ours."""
+    from aerial_il.core.bounded import read_json
+
     try:
         found = read_json(cache)
         return {uid: (stamp, row) for uid, (stamp, row) in found.items() if row.keys() == {*DESCRIBED}}

@@ -125,7 +125,7 @@ def from_demonstrations(settings: Algorithm, given: Given, *, paid: bool = True)
 
 def reward_scheme(settings: Algorithm) -> RewardScheme:
     """Return how steps are rewarded, with advice for where no reward comes."""
-    sparse, hindsight = settings.reward == "sparse", getattr(settings, "hindsight", None)
+    sparse, hindsight = getattr(settings, "reward", "environment") == "sparse", getattr(settings, "hindsight", None)
     ways = ["more demonstrations, or a better prior" if settings.demonstrated else SHOWN]
     ways += ["a dense reward (algorithm.reward=environment)"] if sparse else []
     if hindsight is not None and not hindsight.goals:
