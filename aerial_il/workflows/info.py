@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.core.files import write_json
 from aerial_il.workflows.parts.reading import Reading
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
@@ -40,6 +39,8 @@ def info(settings: Info) -> dict[str, Any]:
 
 def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
     """Describe each episode; a recording that was described before, and has not changed since, is not read again."""
+    from aerial_il.core.files import write_json
+
     cache, known = dataset.path / CACHE, _known(dataset.path / CACHE)
     stamps = {uid: [(found := file.stat()).st_size, found.st_mtime_ns] for uid, file in dataset.files.items()}
     rows = {uid: row for uid, (stamp, row) in known.items() if stamps.get(uid) == stamp}

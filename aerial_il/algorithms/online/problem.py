@@ -132,7 +132,9 @@ def reward_scheme(settings: Algorithm) -> RewardScheme:
         also = " algorithm.reward=environment" if sparse else ""
         ways += [f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"]
     advice = f"Ways out: {'; '.join(ways)}."
-    return RewardScheme(sparse=sparse, smoothness=settings.smoothness, patience=settings.reward_patience, advice=advice)
+    said = {"smoothness": "smoothness", "patience": "reward_patience"}  # of an algorithm that has them
+    stated = {name: getattr(settings, key) for name, key in said.items() if hasattr(settings, key)}
+    return RewardScheme(sparse=sparse, advice=advice, **stated)
 
 
 def forfeits_by_success(settings: object) -> bool:
