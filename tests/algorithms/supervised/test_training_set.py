@@ -113,11 +113,14 @@ def test_failures_are_left_out_and_labels_preferred(demos: list[Episode]) -> Non
 
 
 def test_an_episode_shorter_than_the_chunk_is_padded(demos: list[Episode]) -> None:
-    steps = len(demos[0])
-    layout, kept = read_demos(demos[:2], config := MLP(chunk=500))
+    steps, longest = len(demos[0]), demos[0].spec.max_steps
+    assert steps < longest
+    layout, kept = read_demos(demos[:2], config := MLP(chunk=longest))
     batch = cut_windows(kept, layout, config)[np.array([0, steps - 1])]
     assert (~batch.is_pad).sum(1).tolist() == [steps, 1]
     assert (batch.actions[0, steps:] == batch.actions[0, steps - 1]).all()
+    with pytest.raises(InvalidValueError, match=f"chunk={longest + 1} must not be longer than an episode"):
+        cut_windows(kept, layout, MLP(chunk=longest + 1))
 
 
 def test_what_cannot_be_learned_from_is_refused(demos: list[Episode]) -> None:
