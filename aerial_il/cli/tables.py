@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from aerial_il.evaluation.ranking import Ranking
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -19,6 +22,11 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     lines = ["  ".join(map(format, line, forms)) for line in cells]
     rule = "  ".join("-" * width for width in widths)
     return "\n".join(f"  {line}".rstrip() for line in [lines[0], rule, *lines[1:]])
+
+
+def ranked(ranking: Ranking) -> str:
+    """Lay a ranking of evaluations out, with how it was compared."""
+    return f"{table(ranking.rows())}\n{ranking.note}"
 
 
 def fitting(rows: Sequence[Mapping[str, Any]], kept: Sequence[str]) -> tuple[list[dict[str, Any]], list[str]]:

@@ -10,7 +10,7 @@ Craig, "Hybrid position/force control of manipulators", 1981).
 from __future__ import annotations
 
 from aerial_il.control import controller_state as layout
-from aerial_il.control.dynamics import put, vec
+from aerial_il.control.dynamics import put, total_mass, vec
 from aerial_il.control.inverse_kinematics import solve_cholesky
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.kernels import kernel
@@ -56,10 +56,7 @@ def give_way(vehicle, state, pos):
     Args:
         vehicle: the nominal model. state: controller state. pos: measured base position.
     """
-    mass = vehicle.base_mass
-    for j in range(vehicle.num_joints):
-        mass += vehicle.link_mass[j]
-    force, least = vec(state, layout.CONTACT), max(LEAST_N, FELT_SHARE * GRAVITY * mass)
+    force, least = vec(state, layout.CONTACT), max(LEAST_N, FELT_SHARE * GRAVITY * total_mass(vehicle))
     size = norm(force)
     if size <= least:
         return (0.0, 0.0, 0.0)

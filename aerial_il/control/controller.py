@@ -20,6 +20,7 @@ from aerial_il.control.dynamics import (
     put,
     rotational_inertia,
     row,
+    total_mass,
     vec,
 )
 from aerial_il.control.flight import (
@@ -148,12 +149,10 @@ def tick(vehicle, gains, steering, scratch, level, action, qpos, qvel, thrust_no
 @kernel
 def _thrust_acceleration(vehicle, rot, thrust_now):
     """Acceleration (world, m/s²) that the rotors' actual thrusts and gravity give the vehicle."""
-    force, mass = (0.0, 0.0, 0.0), vehicle.base_mass
+    force = (0.0, 0.0, 0.0)
     for i in range(thrust_now.size):
         force = add(force, scale(thrust_now[i], row(vehicle.rotor_axis, i)))
-    for j in range(vehicle.num_joints):
-        mass += vehicle.link_mass[j]
-    return sub(scale(1.0 / mass, rotate(rot, force)), (0.0, 0.0, GRAVITY))
+    return sub(scale(1.0 / total_mass(vehicle), rotate(rot, force)), (0.0, 0.0, GRAVITY))
 
 
 @kernel

@@ -51,6 +51,15 @@ def put_row(array, j, start, value):
 
 
 @kernel
+def total_mass(vehicle):
+    """Mass of base and links, kg."""
+    mass = vehicle.base_mass
+    for j in range(vehicle.num_joints):
+        mass += vehicle.link_mass[j]
+    return mass
+
+
+@kernel
 def link_rotation(frames, j):
     """Rotation (world from link) stored in row ``j`` of ``frames``."""
     return (

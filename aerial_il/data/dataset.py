@@ -33,9 +33,6 @@ class Dataset:
         survey: what opening it has shown.
         parts: the datasets that it is put together from, if it is a folder of them.
         strict: whether an episode that cannot be used is an error, rather than passed over with a word.
-
-    Attributes:
-        left_out: uid -> why an episode is not among them, of those that were looked at already.
     """
 
     def __init__(self, path: Path, survey: Survey, parts: Sequence[Dataset] = (), *, strict: bool = False) -> None:

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from aerial_il.core.computer import MEMORY_MB
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import UNKNOWN, EnvSpec, Group
 from aerial_il.data.episode import Episode
+from aerial_il.data.reading import Reading
 
 Cameras = bool | Sequence[str]
 SUCCESSES = ("all", "reward", "return:R", "terminal", "survived")
@@ -23,7 +23,7 @@ MEGABYTE = 1 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class Wanted(Reading):
     """What of a dataset is asked for, and answers to what its format cannot say; see :func:`.dataset.open_dataset`.
 
     Raises:
@@ -33,12 +33,6 @@ class Wanted:
     cameras: Cameras = False
     failures: bool = False
     states: bool = True
-    success: str | None = None
-    control_dt: float | None = None
-    filter_key: str | None = None
-    terminals: bool | None = None
-    strict: bool = False
-    memory_mb: int = MEMORY_MB
 
     def __post_init__(self) -> None:
         if self.control_dt is not None and not 0 < self.control_dt < math.inf:

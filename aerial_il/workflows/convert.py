@@ -10,13 +10,11 @@ from pathlib import Path
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.places import claim_file, claim_folder
-from aerial_il.workflows.parts.reading import Reading
+from aerial_il.data.reading import Reading
 
 log = logging.getLogger(__name__)
-FOLDERS = {  # forms that are folders -> all that lies in one
-    "lerobot": ("meta/**/*", "data/**/*", "videos/**/*"), "minari": ("data/*",), "mcap": ("*.mcap",),
-}  # fmt: skip
 VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
+VIEWS_PARTS = ("*.mcap",)  # of a folder of these
 FIRST = ("lerobot", "robomimic")  # of several formats of an ending
 
 
@@ -125,7 +123,8 @@ def _own_place(settings: Convert) -> Path:
     if settings.out is None and Path(settings.path).is_file():
         raise InvalidValueError(f"{settings.path} is one file: say where its other form goes, out=NAME.")
     out = Path(settings.out or Path(settings.path) / "derived" / forms()[settings.form][1])
-    parts = FOLDERS.get(settings.form, ())
-    if not parts or (settings.form, out.suffix) == ("mcap", ".mcap"):
+    endings, _ = forms()[settings.form]
+    if "" not in endings or out.suffix in {*endings} - {""}:
         return claim_file(out)
+    parts = VIEWS_PARTS if settings.form in VIEWS else getattr(registry.module("format", settings.form), "PARTS", ())
     return claim_folder(out, parts, parts)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.workflows.parts.reading import Reading
+from aerial_il.data.reading import Reading
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
 DESCRIBED = ("uid", *MADE_BY, "seed", "steps", "seconds", "success", "return")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.core.composition import build, chosen
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
-from aerial_il.workflows.parts.reading import Reading
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode

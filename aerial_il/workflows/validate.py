@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from aerial_il.workflows.parts.reading import Reading
+from aerial_il.data.reading import Reading
 from aerial_il.workflows.replay import Replayed
 
 

@@ -26,6 +26,7 @@ from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recording.writer import is_being_written
 from tests.collection.test_collect import digests
 from tests.data.crane import CraneBatch, CraneExpert, StepResult
+from tests.patience import HANG_S
 
 pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(24)
@@ -54,7 +55,7 @@ def test_the_flight_goes_on_while_a_file_waits_for_the_disk(tmp_path: Path, monk
     env, sync, flown = CraneBatch(3), os.fsync, []
 
     def slow(handle: int) -> None:
-        before, last = env.stepped, time.monotonic() + 60.0
+        before, last = env.stepped, time.monotonic() + HANG_S
         while in_writer_thread() and max(flown, default=0) < 5 > env.stepped - before and time.monotonic() < last:
             time.sleep(0.001)
         flown.append(env.stepped - before if in_writer_thread() else 0)

@@ -16,10 +16,10 @@ from typing import BinaryIO
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import open_own
+from aerial_il.core.places import JOB_LOG as LOG
 from aerial_il.suite.physics.thread_pool import CORES
 
 ENTRY = "_job"  # the word by which the console script knows that it is one
-LOG = "job.log"
 LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of the libraries that compute in threads
 PATIENCE_S = 60.0  # how long the job of a killed sweep may take to end, before its folder is called busy
 GRACE_S = 30.0  # from being asked to end, which writes a checkpoint, to being killed

@@ -30,7 +30,7 @@ import numpy as np
 
 from aerial_il.control import controller_state as layout
 from aerial_il.control.controllers.law import Law
-from aerial_il.control.dynamics import put, vec
+from aerial_il.control.dynamics import put, total_mass, vec
 from aerial_il.control.flight import feed_arm_forward, mat
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
@@ -106,9 +106,7 @@ def steer(own, vehicle, gains, scratch, state):
     off, drift = (share * off[0], share * off[1], off[2]), (share * drift[0], share * drift[1], drift[2])
     force = scale(-1.0, _rows(own.feedback, 0, off, drift, lean, spin))
     torque = scale(-1.0, _rows(own.feedback, 3, off, drift, lean, spin))
-    mass = vehicle.base_mass
-    for j in range(vehicle.num_joints):
-        mass += vehicle.link_mass[j]
+    mass = total_mass(vehicle)
     most = mass * gains.max_acceleration
     upright = max(math.cos(roll) * math.cos(pitch), LEAST_UPRIGHTNESS)
     force = (force[0], force[1], (mass * GRAVITY + clip(force[2], -most, most)) / upright)

@@ -27,7 +27,7 @@ import numpy as np
 
 from aerial_il.control import controller_state as layout
 from aerial_il.control.controllers.law import Law
-from aerial_il.control.dynamics import put, vec
+from aerial_il.control.dynamics import put, total_mass, vec
 from aerial_il.control.flight import feed_arm_forward, mat
 from aerial_il.control.hover import hover_body
 from aerial_il.control.vehicle import GRAVITY, Vehicle
@@ -70,9 +70,7 @@ def steer(own, vehicle, gains, scratch, state):
     pos, vel, rot = vec(scratch.base_pos, 0), vec(scratch.base_vel, 0), mat(scratch.base_rot)
     dt = scratch.dt
     acc = _position_loop(gains, state, pos, vel, vec(scratch.feed_forward, 0), dt)
-    mass = vehicle.base_mass
-    for j in range(vehicle.num_joints):
-        mass += vehicle.link_mass[j]
+    mass = total_mass(vehicle)
     roll, pitch, yaw = euler_from_mat(rot)
     c, s = math.cos(yaw), math.sin(yaw)
     sideways = mass * math.sqrt(acc[0] * acc[0] + acc[1] * acc[1])

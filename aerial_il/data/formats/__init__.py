@@ -4,8 +4,9 @@
 - ``read(path, wanted) -> Source``: what lies there, renamed and never mended; :mod:`aerial_il.data.check`
   judges it, and arrays that may be large are read only when it asks for them (:class:`~aerial_il.data.source.Later`).
 - ``write(episodes, out, *, env_spec) -> Path``, where it can: episodes of one environment as one dataset, which appears
-  whole or not at all; with ``ENDINGS`` of ``out``, empty for a folder, ``OWN_NAME`` where none is said, and
-  ``PICTURES = False`` where it has no place for images. ``env_spec`` is Gymnasium's, as JSON.
+  whole or not at all; with ``ENDINGS`` of ``out``, empty for a folder, ``OWN_NAME`` where none is said, ``PARTS`` of a
+  folder, the patterns of all that lies in it, without which it replaces nothing, and ``PICTURES = False`` where it has
+  no place for images. ``env_spec`` is Gymnasium's, as JSON.
 - ``is_current(dataset, out) -> bool``, where that can be told cheaply: whether ``out`` holds the dataset already.
 - ``altered(path) -> list[Path]``, where it keeps digests: the files that are not what was written.
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from aerial_il.data.dataset import Dataset
 
 ENDINGS, OWN_NAME = ("",), "lerobot"
+PARTS = ("meta/**/*", "data/**/*", "videos/**/*")
 
 
 def recognises(path: Path) -> bool:

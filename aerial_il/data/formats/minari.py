@@ -32,6 +32,7 @@ from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 ENDINGS, OWN_NAME = ("",), "minari/flights-v0"
+PARTS = ("data/*",)
 FILE, METADATA = Path("data", "main_data.hdf5"), Path("data", "metadata.json")
 SERIES = ("actions", "rewards", "terminations", "truncations")
 SPEC, SUCCESS = "aerial_il_spec", "success"  # of ours, in the metadata and as an attribute of each episode

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.data.provenance import flown_by_hand
+from aerial_il.data.reading import AS_IT_SAYS, Reading
 from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
-from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings

@@ -8,7 +8,7 @@ from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
+from aerial_il.data.reading import AS_IT_SAYS, Reading
 
 log = logging.getLogger(__name__)
 

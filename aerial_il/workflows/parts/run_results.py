@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.data.reading import AS_IT_SAYS, Reading
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
 from aerial_il.workflows.parts import demonstrations, pilots, results
-from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     import numpy as np

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import closing, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
+from aerial_il.data.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     from aerial_il.core.contracts import Algorithm, Policy

@@ -32,14 +32,13 @@ def run(settings: Evaluate) -> None:
 
 def together(folders: Sequence[str]) -> None:
     """Print a ranking of evaluations of one robot and task; of others it says nothing."""
-    from aerial_il.cli.tables import table
+    from aerial_il.cli.tables import ranked
     from aerial_il.evaluation.ranking import rank
     from aerial_il.evaluation.result import load_result
 
     results = {folder: load_result(folder) for folder in folders}
     if len(results) > 1 and len({(result.robot, result.task) for result in results.values()}) == 1:
-        ranking = rank(results)
-        print(f"{table(ranking.rows())}\n{ranking.note}")
+        print(ranked(rank(results)))
 
 
 def _judge(settings: Evaluate) -> None:

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from aerial_il.cli.as_json import AsJson
-from aerial_il.cli.tables import table
+from aerial_il.cli.tables import ranked
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.compare import Compare, compare
 
@@ -48,7 +48,7 @@ def run(settings: Shown) -> None:
             raise InvalidValueError(f"format={settings.format} is of a ranking; two are compared as text, or --json.")
         settings.show(made.to_dict(), made.summary)
         return
-    writers = {"text": lambda: f"{table(made.rows())}\n{made.note}", "csv": lambda: _csv(made.rows()),
+    writers = {"text": lambda: ranked(made), "csv": lambda: _csv(made.rows()),
                "latex": lambda: _latex(made.rows(), made.note)}  # fmt: skip
     settings.show(made.to_dict(), writers[settings.format])
 
