@@ -65,7 +65,7 @@ def test_the_study_of_controllers_flies_every_law() -> None:
 ITERATED = "expert_iteration"
 CASES: list[tuple[str, dict[str, Any], str]] = [
     ("adroit", {"clean": ({"demos": 15, "asks": 1},)}, "it names demos and any of bc"),
-    ("beyond_teacher", {"suited": {"insert_peg": {"exploration": {"nose": 0.07}}}}, "Did you mean 'noise'"),
+    ("beyond_teacher", {"suited": {"insert_peg": {"exploration": {"nose": 0.07}}}}, "Did you mean 'exploration.noise'"),
     ("controllers", {"seeds": 0}, "seeds >= 1"),
     ("dagger", {"arms": ("magic",)}, "magic"),
     ("dagger", {"demos": 0}, "start at 1"),
@@ -84,7 +84,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("from_prior", {"begun_by": {"pick_plaice": ITERATED}}, "Did you mean 'pick_place'"),
     ("from_prior", {"practised_in": {"pick_plaice": "calm"}}, "Did you mean 'pick_place'"),
     ("from_prior", {"suited": {"pick_plaice": {}}}, "Did you mean 'pick_place'"),
-    ("from_prior", {"suited": {"hover": {"dapg": {"exploration": {"nose": 0.1}}}}}, "Did you mean 'noise'"),
+    ("from_prior", {"suited": {"hover": {"dapg": {"exploration": {"nose": 0.1}}}}}, "Did you mean 'exploration.noise'"),
     ("from_prior", {"suited": {"hover": {"dagp": {}}}}, "Did you mean 'dapg'"),
     ("from_prior", {"first_episode": 5_900}, "demonstrations use others"),
     ("gail", {"methods": ("bc",)}, "no method of this study"),
