@@ -63,8 +63,8 @@ def finished(
             return result
         _refuse(out, "the result of another evaluation", differing, overwrite)
     if started is None:
-        if result is None:
-            claim_folder(out, (f"{FOLDER}/*",))
+        if result is None and not (Path(out) / FOLDER).is_dir():
+            claim_folder(out, ())
         journal.close()  # flights of nobody knows what: a folder that was being cleared away
     if started is not None and (differing := _differences(started, subject, called)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)

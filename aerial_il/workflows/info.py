@@ -9,8 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.core.bounded import read_json
-from aerial_il.core.files import write_json
 from aerial_il.workflows.parts.reading import Reading
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
@@ -41,6 +39,8 @@ def info(settings: Info) -> dict[str, Any]:
 
 def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
     """Describe each episode; a recording that was described before, and has not changed since, is not read again."""
+    from aerial_il.core.files import write_json
+
     cache, known = dataset.path / CACHE, _known(dataset.path / CACHE)
     stamps = {uid: [(found := file.stat()).st_size, found.st_mtime_ns] for uid, file in dataset.files.items()}
     rows = {uid: row for uid, (stamp, row) in known.items() if stamps.get(uid) == stamp}
@@ -55,6 +55,8 @@ def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
 
 def _known(cache: Path) -> dict[str, Any]:
     """Return uid -> stamp of the file and what was said of it; nothing where the file is missing or none of ours."""
+    from aerial_il.core.bounded import read_json
+
     try:
         found = read_json(cache)
         return {uid: (stamp, row) for uid, (stamp, row) in found.items() if row.keys() == {*DESCRIBED}}

@@ -125,14 +125,16 @@ def from_demonstrations(settings: Algorithm, given: Given, *, paid: bool = True)
 
 def reward_scheme(settings: Algorithm) -> RewardScheme:
     """Return how steps are rewarded, with advice for where no reward comes."""
-    sparse, hindsight = settings.reward == "sparse", getattr(settings, "hindsight", None)
+    sparse, hindsight = getattr(settings, "reward", "environment") == "sparse", getattr(settings, "hindsight", None)
     ways = ["more demonstrations, or a better prior" if settings.demonstrated else SHOWN]
     ways += ["a dense reward (algorithm.reward=environment)"] if sparse else []
     if hindsight is not None and not hindsight.goals:
         also = " algorithm.reward=environment" if sparse else ""
         ways += [f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"]
     advice = f"Ways out: {'; '.join(ways)}."
-    return RewardScheme(sparse=sparse, smoothness=settings.smoothness, patience=settings.reward_patience, advice=advice)
+    said = {"smoothness": "smoothness", "patience": "reward_patience"}  # of an algorithm that has them
+    stated = {name: getattr(settings, key) for name, key in said.items() if hasattr(settings, key)}
+    return RewardScheme(sparse=sparse, advice=advice, **stated)
 
 
 def forfeits_by_success(settings: object) -> bool:

@@ -127,7 +127,15 @@ def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T]
 
 
 def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicySettings) -> Windows:
-    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
+    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown.
+
+    Raises:
+        InvalidValueError: a chunk is longer than any episode of the environment may last.
+    """
+    spec = demos[0].spec
+    if policy.chunk > spec.max_steps and not spec.is_foreign:
+        problem = f"policy.chunk={policy.chunk} must not be longer than an episode, {spec.max_steps} steps"
+        raise InvalidValueError(f"{problem}. Chunks of 10 to 50 are common.")
     return Windows(
         demos,
         layout.names,
