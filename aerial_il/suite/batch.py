@@ -85,8 +85,8 @@ class BatchEnvironment:
 
     @property
     def ctrl(self) -> np.ndarray:
-        """(n, nu) copy of the actuator commands: rotors (N), servos (rad), gripper (m)."""
-        return self.simulation.ctrl.copy()
+        """(n, R + nu) commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
+        return self.simulation.ctrl
 
     @property
     def sim_time(self) -> np.ndarray:

@@ -14,7 +14,9 @@ from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.suite.episode.disturbances import effects_of
+from aerial_il.suite.physics.episode_state import THRUST
 from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.view import rotor_sites
 
 LEAST_FORCE_N = 0.05  # contacts that press less are not shown
 ROBOT = "base"  # first body of every robot of ours
@@ -135,13 +137,12 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
         spec: of the environment, which knows the wind.
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
-    rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
     found: list[tuple[np.ndarray, ...]] = []
     contacts: list[tuple[np.ndarray, ...]] = []
     for state in np.ascontiguousarray(states[:, :size]):
         mujoco.mj_setState(model, data, state, STATE)
         mujoco.mj_forward(model, data)
-        found.append(tuple(np.copy(part) for part in _seen(model, data, rotors)))
+        found.append(tuple(np.copy(part) for part in _seen(model, data)))
         contacts.append(_contacts(model, data))
     body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*found, strict=True))
     wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
@@ -160,13 +161,22 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     )
 
 
-def _seen(model: mujoco.MjModel, data: mujoco.MjData, rotors: np.ndarray) -> tuple[np.ndarray, ...]:
+def _seen(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:
     """Return views of what is kept of one state; see :class:`Motion`."""
-    sites = model.actuator_trnid[rotors, 0]
-    axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), model.actuator_gear[rotors, :3])
-    thrust = axes * data.actuator_force[rotors, None]
     poses = (data.xpos, data.xquat, data.site_xpos, data.cam_xpos, data.cam_xmat)
-    return (*poses, data.site_xpos[sites], thrust)
+    return (*poses, *_thrusts(model, data))
+
+
+def _thrusts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and forces (R, 3) of what pushes at sites: actuators, as rotors were until engine 3, or rotors."""
+    pushing = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
+    sites, along = model.actuator_trnid[pushing, 0], model.actuator_gear[pushing, :3]
+    size = data.actuator_force[pushing]
+    if not pushing.size and model.nuserdata >= THRUST.stop:
+        sites = np.array(rotor_sites(model), int)
+        along, size = np.tile([0.0, 0.0, 1.0], (len(sites), 1)), data.userdata[THRUST][: len(sites)]
+    axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), along)
+    return data.site_xpos[sites], axes * size[:, None]
 
 
 def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:

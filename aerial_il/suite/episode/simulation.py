@@ -79,6 +79,8 @@ class Simulation:
             steering=self._steering.record,
             drag=quadratic_drag(self.robot.vehicle),
             hooks=self.disturbances.table.hooks,
+            rotors=self.view.rotors,
+            rotor_gain=self.disturbances.rotor_gain,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
             base_site=self.view.base_site,
@@ -275,8 +277,8 @@ class Simulation:
 
     @property
     def ctrl(self) -> np.ndarray:
-        """(n, nu) actuator commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
-        return self._ctrl
+        """(n, R + nu) commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
+        return np.concatenate([self.view.rotor_command, self._ctrl], axis=1)
 
     def _select(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:

@@ -21,8 +21,8 @@ from aerial_il.suite.physics.native import doubles, mj_get_state, mj_reset_data,
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SIGNATURE = int(STATE)
-STATE_FIELDS = ("qpos", "qvel", "act", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat")
-QPOS, QVEL, ACT, CTRL, QFRC, USERDATA = range(6)
+STATE_FIELDS = ("qpos", "qvel", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat", "act")
+QPOS, QVEL, CTRL, QFRC, USERDATA = range(5)
 DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
 SENSORDATA, SITE_XPOS, SITE_XMAT = range(len(STATE_FIELDS), len(STATE_FIELDS) + len(DERIVED_FIELDS))
 NUM_STATE_FIELDS = len(STATE_FIELDS)
