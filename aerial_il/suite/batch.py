@@ -52,7 +52,8 @@ class BatchEnvironment:
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
-        model = physics_model(self.model, scenario.xml)
+        varied = {name for part in scenario.tier.parts.values() for name in part.varies}
+        model = physics_model(self.model, scenario.xml, pairs="geom_friction" not in varied)
         model.opt.timestep = PHYSICS_DT_S / refinement
         worlds = PhysicsBatch.many(model, num_envs)
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
