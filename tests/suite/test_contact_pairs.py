@@ -22,7 +22,7 @@ def test_a_robot_thrown_to_the_ground_tumbles_alike(robot: str, task: str) -> No
     worlds.reset(0)
     states = worlds.get_state()
     quat = rng.standard_normal((WORLDS, 4))
-    states[:, 3], states[:, 4:8] = rng.uniform(0.15, 0.5, WORLDS), quat / np.linalg.norm(quat, axis=1)[:, None]
+    states[:, 3], states[:, 4:8] = rng.uniform(0.1, 0.3, WORLDS), quat / np.linalg.norm(quat, axis=1)[:, None]
     actions = worlds.spec.action.clip(rng.uniform(-1.0, 1.0, (STEPS, WORLDS, worlds.spec.action.size)))
     worlds.set_state(states)
     for action in actions:
