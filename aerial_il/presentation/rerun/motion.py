@@ -14,9 +14,8 @@ from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.suite.episode.disturbances import effects_of
-from aerial_il.suite.physics.episode_state import THRUST
 from aerial_il.suite.physics.physics_batch import STATE
-from aerial_il.suite.physics.view import rotor_sites
+from aerial_il.suite.physics.rotors import knows_thrusts, rotor_sites, thrusts_of
 
 LEAST_FORCE_N = 0.05  # contacts that press less are not shown
 ROBOT = "base"  # first body of every robot of ours
@@ -172,9 +171,9 @@ def _thrusts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np
     pushing = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
     sites, along = model.actuator_trnid[pushing, 0], model.actuator_gear[pushing, :3]
     size = data.actuator_force[pushing]
-    if not pushing.size and model.nuserdata >= THRUST.stop:
+    if not pushing.size and knows_thrusts(model):
         sites = np.array(rotor_sites(model), int)
-        along, size = np.tile([0.0, 0.0, 1.0], (len(sites), 1)), data.userdata[THRUST][: len(sites)]
+        along, size = np.tile([0.0, 0.0, 1.0], (len(sites), 1)), thrusts_of(data)[: len(sites)]
     axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), along)
     return data.site_xpos[sites], axes * size[:, None]
 

@@ -8,8 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.presentation.studio.workshop import PREFIX
-from aerial_il.suite.physics.episode_state import THRUST
-from aerial_il.suite.physics.view import rotor_sites
+from aerial_il.suite.physics.rotors import drag_ratio, knows_thrusts, rotor_sites, thrusts_of
 
 SHUTTER_S = 5e-4
 THRUST_COEFFICIENT, AIR_DENSITY = 0.012, 1.225  # of hovering rotors: thrust / (ρ A (ω R)²); kg/m³
@@ -33,25 +32,19 @@ class Propeller:
     def speed(self, data: mujoco.MjData) -> float:
         """Return how fast it turns, rad/s, by momentum theory's thrust coefficient."""
         disc = np.pi * self.radius**2
-        tip = np.sqrt(max(0.0, float(thrusts(data)[self.index])) / (THRUST_COEFFICIENT * AIR_DENSITY * disc))
+        tip = np.sqrt(max(0.0, float(thrusts_of(data)[self.index])) / (THRUST_COEFFICIENT * AIR_DENSITY * disc))
         return float(tip / self.radius)
 
 
 def propellers(model: mujoco.MjModel) -> tuple[Propeller, ...]:
     """Return the propellers of a staged scene."""
-    found, known = [], model.na or model.nuserdata >= THRUST.stop
+    found, known = [], knows_thrusts(model)
     for index, site in enumerate(rotor_sites(model)):
         geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{index}")
         if geom >= 0 and known:
-            drag = model.actuator_gear[index, 5] if model.na else model.site_user[site, :1].sum()
-            sense = -float(np.sign(drag)) or 1.0
+            sense = -float(np.sign(drag_ratio(model, index, site))) or 1.0
             found.append(Propeller(geom, site, index, float(model.geom_aabb[geom, 3:].max()), sense))
     return tuple(found)
-
-
-def thrusts(data: mujoco.MjData) -> np.ndarray:
-    """Return a view of the thrusts of all rotors, N: up to engine 3 they were activations of their actuators."""
-    return data.act if data.act.size else data.userdata[THRUST]
 
 
 def turn(data: mujoco.MjData, turning: tuple[Propeller, ...], still: np.ndarray, share: float) -> None:

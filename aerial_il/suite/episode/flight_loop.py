@@ -36,7 +36,9 @@ from aerial_il.suite.physics.physics_batch import (
     SITE_XMAT,
     SITE_XPOS,
     USERDATA,
+    XFRC,
     inside,
+    outside,
     pull_all,
     push_state,
 )
@@ -107,9 +109,9 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
             break
         if not active[i]:
             continue
-        push_state(worlds, i)
+        push_state(worlds, i, XFRC)
         qpos, qvel = inside(worlds, QPOS, i), inside(worlds, QVEL, i)
-        ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
+        ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), outside(worlds, USERDATA, i)
         state, memory = userdata[:CONTROLLER_STATE_SIZE], userdata.ctypes.data
         now, summed = now_at(hooks.now + i * NOW_SIZE), hooks.effects + i * EFFECTS_SIZE
         forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
@@ -172,7 +174,7 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
             userdata[STEP] += 1.0
             if _crashed(flight, worlds, sensordata, i):
                 userdata[CRASHED] = 1.0
-        pull_all(worlds, i)
+        pull_all(worlds, i, QPOS)
         if complete:
             settle(rules, results, i, row_at(sent, i))
             assess(rules, results, i)

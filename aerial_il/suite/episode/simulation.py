@@ -79,7 +79,7 @@ class Simulation:
             steering=self._steering.record,
             drag=quadratic_drag(self.robot.vehicle),
             hooks=self.disturbances.table.hooks,
-            rotors=self.view.rotors,
+            rotors=scenario.rotors,
             rotor_gain=self.disturbances.rotor_gain,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),

@@ -21,8 +21,8 @@ from aerial_il.suite.physics.native import doubles, mj_get_state, mj_reset_data,
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SIGNATURE = int(STATE)
-STATE_FIELDS = ("qpos", "qvel", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat", "act")
-QPOS, QVEL, CTRL, QFRC, USERDATA = range(5)
+STATE_FIELDS = ("userdata", "xfrc_applied", "mocap_pos", "mocap_quat", "qpos", "qvel", "ctrl", "qfrc_applied", "act")
+USERDATA, XFRC, _, _, QPOS, QVEL, CTRL, QFRC, _ = range(len(STATE_FIELDS))
 DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
 SENSORDATA, SITE_XPOS, SITE_XMAT = range(len(STATE_FIELDS), len(STATE_FIELDS) + len(DERIVED_FIELDS))
 NUM_STATE_FIELDS = len(STATE_FIELDS)
@@ -55,17 +55,31 @@ def inside(pointers, field, i):
 
 
 @kernel
-def push_state(pointers, i):
-    """Copy everything of world ``i`` that may have been written from outside to MuJoCo."""
-    for field in range(NUM_STATE_FIELDS):
+def outside(pointers, field, i):
+    """The same in our arrays."""
+    return doubles(pointers.outside[field, i], pointers.sizes[field])
+
+
+@kernel
+def push_state(pointers, i, first=USERDATA):
+    """Copy everything of world ``i`` that may have been written from outside to MuJoCo.
+
+    Args:
+        first: field to begin with: :data:`XFRC` leaves out the userdata, which MuJoCo does not read.
+    """
+    for field in range(first, NUM_STATE_FIELDS):
         if pointers.inside[field, i] != pointers.outside[field, i]:
             mju_copy(pointers.inside[field, i], pointers.outside[field, i], pointers.sizes[field])
 
 
 @kernel
-def pull_all(pointers, i):
-    """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays."""
-    for field in range(pointers.sizes.size):
+def pull_all(pointers, i, first=USERDATA):
+    """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays.
+
+    Args:
+        first: field to begin with: :data:`QPOS` leaves out what physics steps do not change.
+    """
+    for field in range(first, pointers.sizes.size):
         if pointers.inside[field, i] != pointers.outside[field, i]:
             mju_copy(pointers.outside[field, i], pointers.inside[field, i], pointers.sizes[field])
     mju_copy(pointers.warnings[1, i], pointers.warnings[0, i], pointers.num_warnings)

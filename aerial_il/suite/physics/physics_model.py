@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.errors import AerialError
+from aerial_il.suite.physics.rotors import NAME
 
 BODY_FIELDS = ("body_mass", "body_inertia", "body_ipos", "body_iquat", "body_simple", "body_sameframe")
 MOST_PAIRS = 40  # beyond which MuJoCo's search is faster
@@ -18,7 +19,9 @@ class ModelMismatchError(AerialError):
 
 
 def physics_model(full: mujoco.MjModel, xml: str, *, pairs: bool = True) -> mujoco.MjModel:
-    """Compile the scene ``xml`` without cameras, lights and geoms that touch nothing.
+    """Compile the scene ``xml`` without cameras, lights, geoms that touch nothing and sites of rotors.
+
+    Stages of a step that have nothing to do in it are switched off.
 
     Args:
         full: the model compiled from the whole scene; masses and inertias are taken over from it.
@@ -32,7 +35,8 @@ def physics_model(full: mujoco.MjModel, xml: str, *, pairs: bool = True) -> mujo
     for body in spec.bodies:
         if body.name and body.name != "world":
             _keep_inertia(body, full)
-        for thing in (*(geom for geom in body.geoms if not _touches(geom)), *body.cameras, *body.lights):
+        rotors = (site for site in body.sites if site.name.startswith(NAME("")))
+        for thing in (*(geom for geom in body.geoms if not _touches(geom)), *body.cameras, *body.lights, *rotors):
             spec.delete(thing)
     model = spec.compile()
     if (
@@ -45,7 +49,28 @@ def physics_model(full: mujoco.MjModel, xml: str, *, pairs: bool = True) -> mujo
     for name in BODY_FIELDS:
         if not np.array_equal(getattr(model, name), getattr(full, name)):
             raise ModelMismatchError(f"{spec.modelname}: {name} depends on geoms that touch nothing.")
+    model.opt.disableflags |= _idle(model)
     return model
+
+
+def _idle(model: mujoco.MjModel) -> int:
+    """Flags that switch off what this model has nothing of."""
+    flag, option = mujoco.mjtDisableBit, model.opt
+    passive = (
+        model.jnt_stiffness,
+        model.dof_damping,
+        model.tendon_stiffness,
+        model.tendon_damping,
+        model.body_gravcomp,
+    )
+    needed = {
+        flag.mjDSBL_ACTUATION: model.nu,
+        flag.mjDSBL_EQUALITY: model.neq,
+        flag.mjDSBL_FRICTIONLOSS: model.dof_frictionloss.any() or model.tendon_frictionloss.any(),
+        flag.mjDSBL_LIMIT: model.jnt_limited.any() or model.tendon_limited.any(),
+        flag.mjDSBL_SPRING | flag.mjDSBL_DAMPER: any(map(np.any, passive)) or option.density or option.viscosity,
+    }
+    return sum(int(bit) for bit, there in needed.items() if not there)
 
 
 def _may_touch(model: mujoco.MjModel) -> list[tuple[int, int]]:

@@ -10,10 +10,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from aerial_il.control.allocation import wrench_matrix
-from aerial_il.control.vehicle import GRAVITY, MAX_ROTORS
+from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.errors import UnknownNameError
-from aerial_il.core.rotations import mat_from_quat, rot6d_from_mat
+from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.physics_batch import PhysicsBatch
@@ -92,13 +91,6 @@ class View:
     def air_force(self) -> np.ndarray:
         """(n, 3) wind, drag and ground effect on the base in the last physics step, world, N."""
         return self.userdata[:, layout.AIR]
-
-    @property
-    def rotors(self) -> np.ndarray:
-        """(R, 6) force and torque about the base origin of each rotor per newton of thrust, base frame; as built."""
-        model, sites = self.model, rotor_sites(self.model)
-        axes = np.reshape([mat_from_quat(quat)[2::3] for quat in model.site_quat[sites]], (-1, 3))
-        return wrench_matrix(model.site_pos[sites], axes, model.site_user[sites, :1].ravel()).T.copy()
 
     @property
     def thrust(self) -> np.ndarray:
@@ -219,9 +211,3 @@ class View:
     def address(self, sensor: str) -> int:
         """Index of a sensor's first number in ``sensordata``."""
         return int(self.model.sensor_adr[self._id("sensor", sensor)])
-
-
-def rotor_sites(model: mujoco.MjModel) -> list[int]:
-    """Return the indices of the sites ``rotor_0`` … of a scene, along whose z axes its rotors push."""
-    found = (mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, f"rotor_{i}") for i in range(MAX_ROTORS))
-    return [site for site in found if site >= 0]

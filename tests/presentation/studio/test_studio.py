@@ -8,11 +8,12 @@ import pytest
 
 import aerial_il
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
-from aerial_il.presentation.studio.propellers import SHUTTER_S, propellers, thrusts, turn
+from aerial_il.presentation.studio.propellers import SHUTTER_S, propellers, turn
 from aerial_il.presentation.studio.stage import staged
 from aerial_il.presentation.studio.studio import MOVING, QUICK, STILL, Studio
 from aerial_il.suite import tasks
 from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.rotors import thrusts_of
 from aerial_il.suite.scenario import Scenario
 from tests.presentation.conftest import Flown
 
@@ -83,7 +84,7 @@ def test_propellers_turn_with_the_root_of_their_thrust(flown: Flown) -> None:
     studio = Studio(scene, flown.episode.model_xml)
     found, data = propellers(studio.model), studio.pose(flown.episode.states[50])
     assert len(found) == 4
-    thrusts(data)[:2] = 8.0, 2.0
+    thrusts_of(data)[:2] = 8.0, 2.0
     fast, slow = (propeller.speed(data) for propeller in found[:2])
     assert fast == pytest.approx(2.0 * slow)
     still = data.geom_xmat.copy()

@@ -164,7 +164,7 @@ def test_rotors_push_by_their_own_gain() -> None:
     env.reset(seed=4)
     gains = env.simulation.disturbances.drawn(4)["rotor_gain"]
     view, applied = env.simulation.view, env.physics.data.qfrc_applied
-    push = view.rotors.T @ (gains * view.thrust[0])
+    push = env.scenario.rotors.T @ (gains * view.thrust[0])
     env.simulation.receive(env.spec.action.clip(np.full((1, env.spec.action.size), 5.0)))
     env.simulation.fly(1)
     np.testing.assert_allclose(applied[2:6], push[2:], rtol=2e-3, atol=1e-4)
