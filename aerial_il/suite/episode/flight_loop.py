@@ -37,6 +37,7 @@ from aerial_il.suite.physics.physics_batch import (
     SITE_XPOS,
     USERDATA,
     XFRC,
+    fetch_part,
     inside,
     outside,
     pull_all,
@@ -64,6 +65,7 @@ class Flight(NamedTuple):
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
         dt: s, of a physics step. interval: s, between actions. substeps: physics steps between actions.
+        hands: threads that share the worlds: each comes to about the ``hands``-th next.
         refinement: parts in which MuJoCo takes a physics step, to see what its length does; control keeps its rate.
     """
 
@@ -81,6 +83,7 @@ class Flight(NamedTuple):
     dt: float
     interval: float
     substeps: int
+    hands: int
     refinement: int = 1
 
 
@@ -128,7 +131,10 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
                 advance_sight(
                     rules.perception, record_at(results.records + i * results.record_size), userdata, flight.interval
                 )
-        for _ in range(steps):
+        soon = i + flight.hands
+        for step in range(steps):
+            if soon < active.size:
+                fetch_part(worlds, soon, step, steps)
             note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
             effects = act_all(hooks, memory, now, summed)
             measure(vehicle, effects, pos, vel, measured_pos, measured_vel)

@@ -17,7 +17,16 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.physics.native import doubles, mj_get_state, mj_reset_data, mj_set_state, mj_step1, mju_copy
+from aerial_il.suite.physics.native import (
+    doubles,
+    fetch_ahead,
+    mj_get_state,
+    mj_reset_data,
+    mj_set_state,
+    mj_step1,
+    mju_copy,
+    stack_end,
+)
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SIGNATURE = int(STATE)
@@ -26,6 +35,8 @@ USERDATA, XFRC, _, _, QPOS, QVEL, CTRL, QFRC, _ = range(len(STATE_FIELDS))
 DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
 SENSORDATA, SITE_XPOS, SITE_XMAT = range(len(STATE_FIELDS), len(STATE_FIELDS) + len(DERIVED_FIELDS))
 NUM_STATE_FIELDS = len(STATE_FIELDS)
+CONTACT_BYTES, STACK_BYTES = 4096, 16384  # of arena and stack that a step with some contacts uses
+LARGE_BYTES = 16384  # fields of a world from which fetching them ahead pays
 INFO, COUNT = 0, 1  # columns of a table of warnings
 
 
@@ -36,7 +47,7 @@ class PhysicsPointers(NamedTuple):
         models, datas: (n,) addresses of MuJoCo's structures.
         inside, outside: (F, n) addresses of each field in MuJoCo's structures and in our arrays; state fields first.
         sizes: (F,) doubles of each field. warnings: (2, n) addresses of MuJoCo's table of warnings and of ours.
-        num_warnings: doubles of that table.
+        num_warnings: doubles of that table. memory: (n, B, 2) addresses and bytes of what a step of MuJoCo touches.
     """
 
     models: np.ndarray
@@ -46,6 +57,7 @@ class PhysicsPointers(NamedTuple):
     sizes: np.ndarray
     warnings: np.ndarray
     num_warnings: int
+    memory: np.ndarray
 
 
 @kernel
@@ -83,6 +95,14 @@ def pull_all(pointers, i, first=USERDATA):
         if pointers.inside[field, i] != pointers.outside[field, i]:
             mju_copy(pointers.outside[field, i], pointers.inside[field, i], pointers.sizes[field])
     mju_copy(pointers.warnings[1, i], pointers.warnings[0, i], pointers.num_warnings)
+
+
+@kernel
+def fetch_part(pointers, i, part, parts):
+    """Ask for one of some parts of the memory of world ``i``, which is soon to fly."""
+    for k in range(pointers.memory.shape[1]):
+        size = pointers.memory[i, k, 1] // parts
+        fetch_ahead(pointers.memory[i, k, 0] + part * size, size)
 
 
 @kernel
@@ -226,6 +246,7 @@ class PhysicsBatch:
                 np.int64,
             ),
             num_warnings=self._warnings.shape[1],
+            memory=np.array([_memory(data) for data in self._datas], np.int64),
         )
 
 
@@ -253,6 +274,15 @@ class Physics(dm_mujoco.Physics):
 
 def _address(array: np.ndarray) -> int:
     return array.ctypes.data if array.size else 0
+
+
+def _memory(data: mujoco.MjData) -> list[tuple[int, int]]:
+    """Addresses and bytes of a world's fields, of the beginning of its arena and of the end of its stack."""
+    if data.nbuffer < LARGE_BYTES:
+        return [(0, 0)] * 3
+    end = stack_end(data)
+    stack, arena = (end - STACK_BYTES, STACK_BYTES), (end - data.narena, CONTACT_BYTES)
+    return [(_address(data.qpos), data.nbuffer), arena, stack]
 
 
 def _table_of_warnings(data: mujoco.MjData) -> int:
