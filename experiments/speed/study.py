@@ -59,9 +59,10 @@ print(time.perf_counter() - started)
 RATES = "rates"  # no table: speeds in each repetition
 NOTES = (
     "Steps per second: control steps of 20 ms (five physics steps) of all worlds together.",
-    "Raw: mujoco.batch.Batch as its defaults give it, on the recorded scene, with the same threads and inputs, MuJoCo's timers off, one "
-    "call per control step, for a policy has to see all worlds before it acts. Recorded: the same, handing out a state "
-    "row of each world. Uninterrupted: in one call for the whole flight, which keeps each world in cache: the ceiling.",
+    "Raw: mujoco.batch.Batch as its defaults give it, on the recorded scene, with the same threads and inputs, "
+    "MuJoCo's timers off, one call per control step, for a policy has to see all worlds before it acts. Recorded: the "
+    "same, handing out a state row of each world. Uninterrupted: in one call for the whole flight, which keeps each "
+    "world in cache: the ceiling.",
     "With threads=1 and processes=0 the time of these arms is the processor's, else the wall's.",
     "Gymnasium: AsyncVectorEnv, SB3: Stable-Baselines3's SubprocVecEnv, over the single environment with the same "
     "actions, in pick_place; each of their processes steps one world.",
