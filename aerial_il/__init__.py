@@ -174,15 +174,20 @@ def load_policy(path: str) -> Policy:
     return load_any_policy(path)
 
 
-def open_dataset(path: str, *, cameras: bool | Sequence[str] = False) -> Dataset:
-    """Open an MCAP folder or file, or a LeRobot v3 folder.
+def open_dataset(path: str, *, cameras: bool | Sequence[str] = False, **answers: Any) -> Dataset:
+    """Open demonstrations in any format: ours, LeRobot, Minari, robomimic, D4RL, ``.npz`` or one of your own.
 
     Args:
-        path: where it lies. cameras: True to decode all recorded images, or the names of some, such as ``wrist_rgb``.
+        path: where they lie. cameras: True to decode all images, or the names of some, such as ``wrist_rgb``.
+        answers: to what the format cannot say, ``success, control_dt, filter_key, terminals, strict, memory_mb``, and
+            the rest of what :func:`aerial_il.data.dataset.open_dataset` takes.
+
+    Raises:
+        DemoError: there is nothing that can be used.
     """
     from aerial_il.data.dataset import open_dataset
 
-    return open_dataset(path, cameras=cameras)
+    return open_dataset(path, cameras=cameras, **answers)
 
 
 def collect(robot: str | None = None, task: str | None = None, *, out: str | os.PathLike[str], **keys: Any) -> Dataset:

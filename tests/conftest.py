@@ -6,11 +6,13 @@ import gc
 import logging
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from aerial_il.core import provenance
 from aerial_il.core.rendering import can_render, choose_backend
 
 MEMORY, ROOM_BYTES = Path("/dev/shm"), 8 << 30
@@ -38,8 +40,8 @@ def pytest_collection_finish() -> None:
 def _cell(item: pytest.Item) -> tuple[str, str]:
     """Return the robot and the task that a test is parametrised with; empty words where there are none."""
     values = item.callspec.params if isinstance(item, pytest.Function) and hasattr(item, "callspec") else {}
-    found = values.get("cell", (values.get("robot"), values.get("task")))
-    return found if isinstance(found, tuple) and all(isinstance(name, str) for name in found) else ("", "")
+    result = values.get("cell", (values.get("robot"), values.get("task")))
+    return result if isinstance(result, tuple) and all(isinstance(name, str) for name in result) else ("", "")
 
 
 @pytest.fixture(autouse=True)
@@ -54,3 +56,12 @@ def _package_logger() -> None:
     logger = logging.getLogger("aerial_il")
     logger.handlers, logger.propagate = [], True
     logger.setLevel(logging.NOTSET)
+
+
+@pytest.fixture(scope="module")
+def no_commit() -> Iterator[None]:
+    """Let no recording name a commit: somebody may work on the checkout while one process after the other records."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GIT_DIR", os.devnull)
+        patch.setattr(provenance, "git_state", lambda: None)  # this process may have asked before
+        yield

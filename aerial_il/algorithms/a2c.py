@@ -21,19 +21,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
-from aerial_il.algorithms.on_policy.agent import ActorCritic
-from aerial_il.algorithms.on_policy.loop import check_rollout, learn_on_policy
+from aerial_il.algorithms.on_policy.loop import check_rollout, learn_step_by_step
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem, from_reward
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source, from_reward
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.categorical import Categorical
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -70,26 +68,25 @@ class A2C(Algorithm):
         check_rollout(self, given.env)
         return from_reward(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        actor = run.build_actor(StochasticNetwork)
-        agent = AdvantageAgent(self, actor, run.sizes[0])
-        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
-        return run.finish()
+    def learn(self, run: OnlineRun) -> None:
+        learn_step_by_step(run, self, AdvantageAgent)
 
 
 class AdvantageAgent(ActorCritic[StochasticNetwork]):
     """An actor that takes one step for each rollout, and the critic that estimates advantages."""
 
-    def __init__(self, settings: A2C, actor: StochasticNetwork, obs_size: int) -> None:
-        super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
-        self.settings = settings
+    changing = ("_actor", "_critic")
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def __init__(self, settings: A2C, actor: StochasticNetwork, obs_size: int) -> None:
+        super().__init__(settings, actor, obs_size)
+        self._actor = TrainState(actor, adam(actor, settings.lr))
+
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout, when the share ``left`` of the training is left."""
         for part in (self._actor, self._critic):
             part.set_lr(self.settings.lr * left)
-        metrics = self.improve(found.data) if improve else {}
-        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
+        metrics = self.improve(judged.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(judged.data, self.settings.rollout)}
 
     def improve(self, data: Advantages) -> dict[str, float]:
         """Take one step of the actor."""

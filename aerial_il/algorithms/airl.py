@@ -24,8 +24,7 @@ import torch
 from torch import Tensor, nn
 
 from aerial_il.algorithms.adversarial.discriminator import Discriminator
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, Shape
-from aerial_il.algorithms.adversarial.settings import LearnedReward
+from aerial_il.algorithms.adversarial.reward_net import LearnedReward, RewardNet, Shape
 from aerial_il.algorithms.gail import GAIL
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.demonstrations import Demonstrations
@@ -127,5 +126,5 @@ class ShapedReward(RewardNet):
     def _log_prob(self, obs: Tensor, actions: Tensor) -> Tensor:
         """Return ``log pi(a | s)`` (B,), 0 in the absorbing state, where there is nothing to choose."""
         raw = unsquashed(actions)
-        found = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)
-        return found * (1.0 - obs[:, -1])
+        density = log_density(raw, *self._actor.gaussian(obs[:, None, :-1])).sum(-1)
+        return density * (1.0 - obs[:, -1])

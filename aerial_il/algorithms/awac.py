@@ -24,23 +24,18 @@ from typing import ClassVar
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error, weighted_likelihood
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
+from aerial_il.algorithms.off_policy.agent import Agent, squared_error, weighted_likelihood
+from aerial_il.algorithms.off_policy.loop import learn_offline_first
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core.checks import require_positive
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.critics import Critics as CriticNetworks
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -87,21 +82,13 @@ class AWAC(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = AdvantageWeightedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_offline_first(run, self, agent, agent.update)
+        learn_offline_first(run, self, agent, agent.update)
 
 
 class AdvantageWeightedAgent(Agent[SquashedGaussianNetwork]):
     """Actor and two critics with slowly following target networks."""
-
-    def __init__(self, settings: AWAC, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor = settings, actor
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
-        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
 
     def update(self, batch: Batch) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of the actor."""

@@ -25,12 +25,10 @@ import numpy as np
 import torch
 
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
-from aerial_il.algorithms.supervised.device import precision
-from aerial_il.algorithms.supervised.learner import Learner, cosine
-from aerial_il.algorithms.supervised.prepared import prepare
+from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
 from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run
-from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, read_demos, split
+from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, prepare, read_demos, split
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
@@ -38,8 +36,8 @@ from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.masked import columns_of
 from aerial_il.policies.parts.network import PolicySettings, Shown, state_of, with_state
-from aerial_il.policies.parts.partly_blind import columns_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +158,7 @@ class BC:
         data = prepare(demos, policy, batch_size=self.batch_size, device=self.device, seed=seed, initial=initial)
         options = {"evaluate": evaluate, "resume": resume, "progress": progress}
         with open_run(self, data, run, algorithm=self.name, seed=seed, **options) as opened:
-            return self._learn(opened, data.layout) if opened else load_policy(run)
+            return self._learn(opened, data.interface.layout) if opened else load_policy(run)
 
     def _learn(self, run: SupervisedRun, layout: Layout) -> ChunkPolicy:
         """Take optimisation steps until the run is done."""

@@ -33,19 +33,17 @@ from torch import Tensor
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights
-from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
 
 
@@ -87,17 +85,14 @@ class BCPPO(FromClone):
     cadence: Cadence = Cadence(log_every=50_000, evaluate_every=0, checkpoint_every=50_000, keep_checkpoints=2)
     threads: int = 1
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        return chunked(prior, self.prior, self.exploration)
-
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         actor = start.chunk_actor(run, self.exploration)
         agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
-        flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
+        pilot = ChunkPilot(actor, start.prior, run.collector)
         gate = ReturnGate(actor, run.collector.n, self.gate)
         hand_over = HandOver(run, start.alone, actor.network, self.trial)
-        learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
-        return hand_over.finish()
+        learn_on_policy(run, self, pilot, agent, actor.network, warmup=self.warmup, gate=gate, hand_over=hand_over)
 
 
 class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
@@ -108,17 +103,17 @@ class AnchoredActorCritic(ProximalActorCritic[StochasticNetwork]):
     """
 
     def __init__(self, settings: Algorithm, actor: StochasticNetwork, obs_size: int) -> None:
-        super().__init__(settings, actor, obs_size, smoothness=settings.smoothness)
-        self._first, self._anchored, self._pull = copy.deepcopy(actor).requires_grad_(False), settings, settings.kl
+        super().__init__(settings, actor, obs_size)
+        self._first, self._pull = copy.deepcopy(actor).requires_grad_(False), settings.kl
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the actor's learning rate and the pull back follow the share that is ``left``."""
-        self._pull = self._anchored.kl * left
-        self._actor.set_lr(self._anchored.lr * left)
-        self._critic.set_lr(self._anchored.critic_lr)
-        metrics = self._passes(found.data, improve=improve)
+        self._pull = self.settings.kl * left
+        self._actor.set_lr(self.settings.lr * left)
+        self._critic.set_lr(self.settings.critic_lr)
+        metrics = self._passes(judged.data, improve=improve)
         with torch.no_grad():
-            return {**metrics, "actor/divergence": self._away(found.data.obs).mean().item()}
+            return {**metrics, "actor/divergence": self._away(judged.data.obs).mean().item()}
 
     def actor_loss(self, part: Advantages, old_log_prob: Tensor) -> tuple[Tensor, float, float]:
         """Return PPO's loss and the pull to the clone, the divergence from the acting policy, and the share clipped."""

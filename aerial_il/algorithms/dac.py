@@ -27,8 +27,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
-from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
+from aerial_il.algorithms.adversarial.reward_net import (
+    LearnedReward,
+    RewardNet,
+    starts_cloned,
+)
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
@@ -42,7 +45,6 @@ from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.core.checks import require_share
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -99,7 +101,7 @@ class DAC(Algorithm):
             check_warmup(self, given.env)
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         reward_net = RewardNet(*run.sizes, self.reward.shape(running_norm=False), lr=self.reward.lr)
@@ -113,11 +115,7 @@ class DAC(Algorithm):
         def discriminate() -> None:
             enough = imitates and len(flights.buffer) >= size
             for _ in range(run.updates_due(self.replay.updates_per_step * self.reward.updates) if enough else 0):
-                expert = sample_demos(demos, size // 2, agent.actor, action_noise=self.reward.action_noise)
-                agents, penalty = flights.buffer.sample(size // 2), self.reward.gradient_penalty
-                loss, metrics = discriminator_loss(reward_net, expert, agents, penalty=penalty)
-                reward_net.descend(loss)
-                run.log(metrics)
+                run.log(reward_net.learn(demos, flights.buffer, size // 2, agent.actor, self.reward))
 
         def update(improve: bool) -> dict[str, float]:
             if len(flights.buffer) < size:
@@ -125,13 +123,12 @@ class DAC(Algorithm):
             batch = mixed(demos, flights.buffer, size, self.expert_share)
             batch = rewarded(batch, reward_net) if imitates else alive(batch)
             near = demos.sample(size // 2) if self.bc_weight and imitates else None
-            metrics = agent.update(batch, demos=near, bc_weight=self.bc_weight, improve=improve)
+            metrics = agent.update(batch, demos=near, improve=improve)
             return {**metrics, "reward/mean": batch.rewards.mean().item()}
 
         parts = {"reward_net": reward_net, "expert_buffer": demos}
         learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts=parts, prepare=discriminate)
         reward_net.save(run.folder.path)
-        return run.finish()
 
 
 def rewarded(batch: Batch, reward_net: RewardNet) -> Batch:

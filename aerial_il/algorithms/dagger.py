@@ -69,13 +69,12 @@ class DAgger(InteractiveAlgorithm):
     def seeds_per_round(self) -> int:
         return self.episodes + self.gate.alone
 
-    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
         for number in rounds.left():
             if number:
                 rounds.fly(number, lambda number=number: self._pilot(rounds, number))
             rounds.learn(number)
             rounds.end_round(number, evaluate, self._more(rounds, number) if number else {})
-        return rounds.finish()
 
     def _more(self, rounds: Rounds, number: int) -> dict[str, float]:
         """Return what else there is to log of round ``number``."""

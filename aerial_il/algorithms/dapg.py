@@ -37,16 +37,15 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.npg import NaturalGradientAgent
 from aerial_il.algorithms.on_policy.advantages import Advantages
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor, ChunkPilot
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights
-from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.state import Generator, Snapshot, joined, separate
+from aerial_il.algorithms.run.state import Part
 from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.data.episode import Episode
@@ -97,30 +96,29 @@ class DAPG(FromClone):
         require_share(self, "demos_decay")
         require_positive(self, "shown")
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        return chunked(prior, self.prior, self.exploration)
-
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         actor = start.chunk_actor(run, self.exploration)
         shown = Demonstrated(start.demos, start.prior, actor, run.rng("demonstrations"))
         agent = AugmentedAgent(self, actor, start.prior.config.history * run.sizes[0], shown)
-        flights = DecisionFlights(run.collector, ChunkPilot(actor, start.prior, run.collector))
+        pilot = ChunkPilot(actor, start.prior, run.collector)
         hand_over = HandOver(run, start.alone, actor.network, self.trial)
-        learn_on_policy(run, self, flights, agent, actor.network, warmup=self.warmup, hand_over=hand_over)
-        return hand_over.finish()
+        learn_on_policy(run, self, pilot, agent, actor.network, warmup=self.warmup, hand_over=hand_over)
 
 
-class Demonstrated(Generator):
+class Demonstrated(Part):
     """Demonstrated chunks, as decisions that the actor might have made.
 
     Args:
         demos: the demonstrations. prior: how they are seen and normalised. actor: whose decisions. rng: samples them.
     """
 
+    changing = ("_rng",)
+
     def __init__(
         self, demos: Sequence[Episode], prior: ChunkPolicy, actor: ChunkActor, rng: np.random.Generator
     ) -> None:
-        super().__init__(rng)
+        self._rng = rng
         windows = cut_windows(demos, prior.interface.layout, prior.config)
         obs, actions, valid = TrainingSet(windows, prior.interface).gather(np.arange(len(windows)))
         assert isinstance(obs, Tensor), "a prior that sees images is refused before"
@@ -129,7 +127,7 @@ class Demonstrated(Generator):
 
     def draw(self, count: int) -> tuple[Tensor, Tensor]:
         """Return at most ``count`` of them: what was observed (B, To * Do) and the samples of the actions (B, R)."""
-        chosen = torch.from_numpy(self.rng.permutation(len(self._obs))[:count])
+        chosen = torch.from_numpy(self._rng.permutation(len(self._obs))[:count])
         return self._obs[chosen], self._drawn[chosen]
 
 
@@ -140,9 +138,11 @@ class AugmentedAgent(NaturalGradientAgent):
         settings: of the algorithm. actor: the clone, exploring. obs_size: To * Do. shown: the demonstrations.
     """
 
+    changing = (*NaturalGradientAgent.changing, "_shown", "_turns")
+
     def __init__(self, settings: DAPG, actor: ChunkActor, obs_size: int, shown: Demonstrated) -> None:
         super().__init__(settings, actor, obs_size)
-        self._augmented, self._shown, self._turns = settings, shown, 0
+        self._shown, self._turns = shown, 0
 
     def improve(self, data: Advantages) -> dict[str, float]:
         """Take one natural gradient step, and count a turn."""
@@ -152,18 +152,10 @@ class AugmentedAgent(NaturalGradientAgent):
 
     def gain(self, data: Advantages) -> Tensor:
         """Return the objective that a step ascends: advantages of samples, and the likelihood of demonstrations."""
-        seen, drawn = self._shown.draw(self._augmented.shown)
+        seen, drawn = self._shown.draw(self.settings.shown)
         likelihood = self.actor.judge(seen[:, None], drawn)[0].sum() / len(data.obs)
         return super().gain(data) + self._weight * data.standardised.max() * likelihood
 
     @property
     def _weight(self) -> float:
-        return self._augmented.demos_weight * self._augmented.demos_decay**self._turns
-
-    def snapshot(self) -> Snapshot:
-        taken = joined({"agent": super(), "shown": self._shown})
-        return Snapshot(taken.arrays, {**taken.values, "turns": self._turns})
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"agent": super(), "shown": self._shown})
-        self._turns = saved.values["turns"]
+        return self.settings.demos_weight * self.settings.demos_decay**self._turns

@@ -48,7 +48,7 @@ from aerial_il.core.contracts import (
     phase_of,
 )
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.seeding import named_rng
+from aerial_il.core.seeding import restarted
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
@@ -86,7 +86,7 @@ class DART(InteractiveAlgorithm):
         if not 0 < self.held_out < 1:
             raise InvalidValueError(f"held_out is {self.held_out}; it must lie in (0, 1).")
 
-    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
         expert = rounds.expert
         if isinstance(expert, Operator):
             raise InvalidValueError(
@@ -101,7 +101,6 @@ class DART(InteractiveAlgorithm):
                 metrics = {"noise": noise.size, "noise_correlation": noise.correlation}
             rounds.learn(number)
             rounds.end_round(number, evaluate, metrics)
-        return rounds.finish()
 
     def _noise(self, rounds: Rounds, number: int) -> Noise:
         """Estimate how a learner errs from one that did not see a share of the dataset."""
@@ -171,13 +170,10 @@ class Disturbed:
         self.expert.reset(mask)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
-        chosen = np.ones(len(seeds), bool) if mask is None or len(self._rngs) != len(seeds) else mask
-        fresh = [named_rng(int(seed), "dart noise") for seed in seeds]
-        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
-        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, chosen, strict=True)]
+        self._rngs, begins = restarted(self._rngs, seeds, mask, "dart noise")
         if len(self._drift) != len(seeds):
             self._drift = np.zeros((len(seeds), len(self.noise.root)))
-        for world in np.flatnonzero(chosen):
+        for world in np.flatnonzero(begins):
             self._drift[world] = self._drawn(world)
         if isinstance(self.expert, SeededPolicy):
             self.expert.begin(seeds, mask)

@@ -20,32 +20,25 @@ Function Approximation Error in Actor-Critic Methods", 2018.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, ascent, squared_error
+from aerial_il.algorithms.off_policy.agent import Agent, ascent, squared_error
 from aerial_il.algorithms.off_policy.exploration import ExplorationNoise
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.algorithms.run.train_state import Follower
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
-
-if TYPE_CHECKING:
-    from aerial_il.algorithms.td3 import TD3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,26 +69,20 @@ class DDPG(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = DeterministicAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_from_reward(run, self, agent, agent.update)
+        learn_from_reward(run, self, agent, agent.update)
 
 
 class DeterministicAgent(Agent[SquashedGaussianNetwork]):
     """Actor and critics, of which it has one, with slowly following target networks of all."""
 
-    def __init__(self, settings: DDPG | TD3, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor = settings, actor
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critics)
+    changing = (*Agent.changing, "actor_target", "_noise")
+
+    def __init__(self, settings: Algorithm, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
+        super().__init__(settings, actor, sizes)
+        self.actor_target = Follower(actor)
         self._noise = ExplorationNoise(settings.noise, settings.noise_correlation)
-        super().__init__(
-            {"actor": self.actor_state, "critics": self.critics},
-            {"actor_target": self.actor_target, "critic_targets": self.targets},
-            {"exploration": self._noise},
-        )
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
         """Return the actor's actions with noise (n, Da) for encoded observations (n, Do)."""

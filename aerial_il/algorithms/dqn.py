@@ -30,25 +30,21 @@ from torch import Tensor
 from torch.nn.functional import huber_loss
 
 from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
-from aerial_il.algorithms.off_policy.problems import from_reward
-from aerial_il.algorithms.off_policy.settings import Replay
+from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
+from aerial_il.algorithms.off_policy.settings import Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.checks import require_positive, require_share
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.categorical import Categorical, CategoricalNetwork
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings
 
 
@@ -110,9 +106,9 @@ class DQN(Algorithm):
         return 1.0 + fallen * (self.epsilon - 1.0)
 
     def problem(self, given: Given) -> Problem:
-        return from_reward(self, given)
+        return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = DeepQAgent(self, run.build_actor(CategoricalNetwork), lambda: self.epsilon_at(run.left))
         flights = ExperienceReplay(run, self.replay.capacity, hindsight=self.hindsight, obs_norm=self.obs_norm)
 
@@ -121,7 +117,6 @@ class DQN(Algorithm):
             return {**agent.update(flights.buffer.sample(self.replay.batch_size)), "actor/epsilon": agent.epsilon}
 
         learn_off_policy(run, self, agent, flights, update, pilot=agent, every=self.update_every)
-        return run.finish()
 
 
 class DeepQAgent(Agent[CategoricalNetwork]):
@@ -136,11 +131,12 @@ class DeepQAgent(Agent[CategoricalNetwork]):
         epsilon: that probability at the last step.
     """
 
+    changing = ("values", "target", "_held", "updates")
+
     def __init__(self, settings: DQN, actor: CategoricalNetwork, falling: Callable[[], float] = lambda: 1.0) -> None:
         self.settings, self.actor, self.epsilon, self._falling = settings, actor, 1.0, falling
-        self.values, self.target = TrainState(actor, adam(actor, settings.lr)), Target(actor)
-        self._held = HeldChoices(len(actor.table), settings.longest_hold)
-        super().__init__({"values": self.values}, {"target": self.target}, {"held": self._held})
+        self.values, self.target = TrainState(actor, adam(actor, settings.lr)), Follower(actor)
+        self._held, self.updates = HeldChoices(len(actor.table), settings.longest_hold), 0
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:

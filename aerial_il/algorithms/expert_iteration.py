@@ -23,9 +23,9 @@ Confusion in Imitation Learning", 2019, section 4, for policies of masked observ
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
@@ -33,13 +33,11 @@ from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.prior import load_prior
-from aerial_il.core.checkpoint import digest
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import Policy
-from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.partly_blind import PartlyBlind
+from aerial_il.policies.parts.masked import MaskedPolicy
 
 EXPLORER_SEED = 2_000_003  # apart from the learner's
 
@@ -92,13 +90,10 @@ class ExpertIteration(InteractiveAlgorithm):
     def worlds(self) -> int:
         return min(200, self.episodes)
 
-    def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
-        return {} if self.prior is None else {"prior": digest(load_prior(self.prior, spec).to_checkpoint())}
-
     def learns_from(self, flight: Episode) -> bool:
         return flight.success
 
-    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
         for number in rounds.left():
             metrics: dict[str, float] = {}
             if number:
@@ -107,7 +102,6 @@ class ExpertIteration(InteractiveAlgorithm):
                 metrics = _shares(turns, rounds)
             rounds.learn(number)
             rounds.end_round(number, evaluate, metrics)
-        return rounds.finish()
 
     def _pilots(self, rounds: Rounds, number: int) -> Iterator[Policy]:
         """Yield the pilots of a round, attempt by attempt; the explorer is trained where there is a second one."""
@@ -118,7 +112,7 @@ class ExpertIteration(InteractiveAlgorithm):
             return
         explorer = self._explorer(rounds, number)
         for attempt in range(1, self.attempts):
-            yield PartlyBlind(explorer, most=self.hidden, hold=self.hold, stream=attempt)
+            yield MaskedPolicy(explorer, most=self.hidden, hold=self.hold, stream=attempt)
 
     def _explorer(self, rounds: Rounds, number: int) -> ChunkPolicy:
         """Return a clone of the dataset so far that can do without any field."""

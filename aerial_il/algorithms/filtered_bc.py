@@ -15,9 +15,8 @@ reward of 0 or 1; J. Oh et al., "Self-Imitation Learning", 2018, keep past good 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,12 +26,9 @@ from aerial_il.algorithms.interactive.algorithm import InteractiveAlgorithm
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.prior import load_prior
-from aerial_il.core.checkpoint import digest
 from aerial_il.core.checks import require_not_negative, require_share
 from aerial_il.core.contracts import Observation
-from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,17 +68,13 @@ class FilteredBC(InteractiveAlgorithm):
     def learns_from(self, flight: Episode) -> bool:
         return flight.success
 
-    def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
-        return {} if self.prior is None else {"prior": digest(load_prior(self.prior, spec).to_checkpoint())}
-
-    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
         for number in rounds.left():
             if number:
                 rounds.fly(number, lambda number=number: self._explorer(rounds, number))
                 rounds.refuse_silence(self.reward_patience)
             rounds.learn(number)
             rounds.end_round(number, evaluate)
-        return rounds.finish()
 
     def _explorer(self, rounds: Rounds, number: int) -> Unlabelled:
         """Return the newest clone, or the prior in the first round, with noise."""

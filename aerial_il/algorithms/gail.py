@@ -25,11 +25,15 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from aerial_il.algorithms.adversarial.reward_net import RewardNet, discriminator_loss, sample_demos
-from aerial_il.algorithms.adversarial.settings import LearnedReward, starts_cloned
+from aerial_il.algorithms.adversarial.reward_net import (
+    LearnedReward,
+    RewardNet,
+    starts_cloned,
+)
+from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.on_policy.steps import StepFlights, Steps
+from aerial_il.algorithms.on_policy.steps import StepPilot
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.moments import RunningMoments
@@ -41,7 +45,6 @@ from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -107,7 +110,7 @@ class GAIL(Algorithm):
             check_steps(self, "warmup", (self.warmup // rollout + 1) * rollout)
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = ProximalActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes[0])
         reward_net, reward_norm = self.build_reward_net(run.sizes, agent.actor), RunningMoments(1)
         absorbing, imitates = self.demonstrations.absorbing, self.demonstrations.control != "constant_reward"
@@ -116,40 +119,34 @@ class GAIL(Algorithm):
         if starts_cloned(self) and not run.folder.resumed:
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
 
-        def rewarded(rollout: Steps) -> tuple[np.ndarray, np.ndarray]:
+        def rewarded(rollout: Decisions) -> tuple[np.ndarray, np.ndarray]:
             buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
             for _ in range(imitates * int(self.reward.updates)):
-                half = self.reward_batch // 2
-                demos = sample_demos(expert_buffer, half, agent.actor, action_noise=self.reward.action_noise)
-                penalty = self.reward.gradient_penalty
-                loss, logged = discriminator_loss(reward_net, demos, buffer.sample(half), penalty=penalty)
-                reward_net.descend(loss)
-                run.log(logged)
+                run.log(reward_net.learn(expert_buffer, buffer, self.reward_batch // 2, agent.actor, self.reward))
             rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
             run.log({"reward/mean": float(rewards.mean())})
             return rewards, end_values
 
-        flights = StepFlights(run, agent.actor, obs_norm=False)
+        pilot = StepPilot(run, agent.actor, obs_norm=False)
         parts: dict[str, Any] = {"reward_net": reward_net, "reward_norm": reward_norm}
         parts |= {"expert_buffer": expert_buffer, "replay_buffer": buffer}
         warmup = self.warmup + 1 - whole_turns(self.rollout.steps, run.collector.n)  # the rollout that ends it teaches
         given = {"warmup": warmup, "rewarded": rewarded, "parts": parts}
-        learn_on_policy(run, self, flights, agent, agent.actor, **given)
+        learn_on_policy(run, self, pilot, agent, agent.actor, **given)
         reward_net.save(run.folder.path)
-        return run.finish()
 
     def build_reward_net(self, sizes: tuple[int, int], actor: SquashedGaussianNetwork) -> RewardNet:
         """Return a new discriminator for observations and actions of these ``sizes``."""
         return RewardNet(*sizes, self.reward.shape(running_norm=True), lr=self.reward.lr)
 
     def _rewards(
-        self, rollout: Steps, reward_net: RewardNet, reward_norm: RunningMoments
+        self, rollout: Decisions, reward_net: RewardNet, reward_norm: RunningMoments
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return standardised rewards (T, n), and the value after each step (T, n) where it is terminal."""
         if self.demonstrations.control == "constant_reward":
             return np.ones_like(rollout.rewards), np.zeros_like(rollout.rewards)
         obs = tensor(np.pad(rollout.flat("obs"), ((0, 0), (0, 1))))
-        rewards = reward_net.reward(obs, tensor(rollout.flat("actions"))).numpy().astype(float)
+        rewards = reward_net.reward(obs, tensor(rollout.flat("normalised"))).numpy().astype(float)
         reward_norm.add(rewards[:, None])
         centre, deviation = reward_norm.mean[0], reward_norm.deviation[0]
         end_values = np.zeros_like(rewards)
@@ -160,7 +157,7 @@ class GAIL(Algorithm):
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
 
 
-def rows_of_rollout(rollout: Steps, *, absorbing: bool) -> np.ndarray:
+def rows_of_rollout(rollout: Decisions, *, absorbing: bool) -> np.ndarray:
     """Return a rollout as rows of a replay buffer."""
-    names = ("obs", "actions", "rewards", "next_obs", "terminal")
+    names = ("obs", "normalised", "rewards", "next_obs", "terminal")
     return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

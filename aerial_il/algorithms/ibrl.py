@@ -37,27 +37,23 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.agent import Agent, squared_error
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import check_warmup
 from aerial_il.algorithms.off_policy.proposals import Proposals, ProposedFlights, proposed_demos
 from aerial_il.algorithms.off_policy.settings import Critics, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_pretrain
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Given, Problem, from_demonstrations
-from aerial_il.algorithms.online.replay_buffer import Batch, mixed
-from aerial_il.algorithms.online.rewards import Source, reward_scheme
+from aerial_il.algorithms.online.problem import Given, Problem, Source, from_demonstrations
+from aerial_il.algorithms.online.replay_buffer import Batch, bc_pretrain, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.prior import load_prior
-from aerial_il.algorithms.run.train_state import TrainState, adam
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adam
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.checks import require_not_negative
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.gated import GatedPolicy, prefers_own
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -114,9 +110,9 @@ class IBRL(Algorithm):
         """Read the demonstrations, and refuse a prior that cannot fly here."""
         check_warmup(self, given.env)
         inputs = {"prior": digest(load_prior(self.prior, given.env.spec).to_checkpoint())} if self.prior else {}
-        return replace(from_demonstrations(self, given, scheme=reward_scheme(self)), inputs=inputs)
+        return replace(from_demonstrations(self, given), inputs=inputs)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         absorbing, size = self.demonstrations.absorbing, self.replay.batch_size
         cloned = TrainState(actor := run.build_actor(SquashedGaussianNetwork), adam(actor, self.lr))
         if not (self.prior or run.folder.resumed):
@@ -137,7 +133,6 @@ class IBRL(Algorithm):
             return agent.update(mixed(demos, flights.buffer, size, self.demos_share), listen=improve)
 
         learn_off_policy(run, self, agent, flights, update, parts={"clone": cloned, "demonstrations": demos})
-        return run.finish()
 
 
 class ProposedAgent(Agent[SquashedGaussianNetwork]):
@@ -147,16 +142,11 @@ class ProposedAgent(Agent[SquashedGaussianNetwork]):
     :mod:`aerial_il.algorithms.off_policy.proposals`.
     """
 
+    changing = (*Agent.changing, "actor_target")
+
     def __init__(self, settings: IBRL, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor, self.sizes = settings, actor, sizes
-        critics = settings.critics.build(sizes)
-        self.actor_state = TrainState(actor, adam(actor, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.actor_target, self.targets = Target(actor), Target(critics)
-        super().__init__(
-            {"actor": self.actor_state, "critics": self.critics},
-            {"actor_target": self.actor_target, "critic_targets": self.targets},
-        )
+        super().__init__(settings, actor, sizes)
+        self.actor_target = Follower(actor)
 
     @torch.no_grad()
     def explore(self, obs: np.ndarray) -> np.ndarray:

@@ -29,13 +29,13 @@ from typing import ClassVar
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights, Decisions
-from aerial_il.algorithms.on_policy.from_clone import FromClone, Start, chunked
+from aerial_il.algorithms.on_policy.decisions import Decisions
+from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.guided import Curriculum, GuidedPilot, Schedule
 from aerial_il.algorithms.on_policy.hand_over import HandOver
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Exploration, Rollout, Trial
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
@@ -46,7 +46,6 @@ from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 TOO_FAR = (
     "The guide would fly {} steps (algorithm.horizon; by default the longest demonstration), and episodes of practice "
@@ -112,9 +111,6 @@ class JSRL(FromClone):
         require_positive(self, "stages", "window")
         require_share(self, "tolerance")
 
-    def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        return chunked(prior, self.prior, self.exploration)
-
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return the digest of a guide that was trained.
 
@@ -130,7 +126,8 @@ class JSRL(FromClone):
             raise InvalidValueError(NO_GUIDE.format(f"{spec.task} on {spec.robot}"))
         return {}
 
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         actor = start.chunk_actor(run, self.exploration)
         agent = AnchoredActorCritic(self, actor, start.prior.config.history * run.sizes[0])
         guide = load_prior(self.guide, run.collector.env.spec, key="guide") if self.guide else start.expert
@@ -143,10 +140,8 @@ class JSRL(FromClone):
             paid = float(rollout.rewards.mean())
             return {"guide/steps": pilot.steps, "guide/stage": pilot.stage, "rollout/reward": paid}
 
-        flights = DecisionFlights(run.collector, pilot)
         given = {"warmup": self.warmup, "hand_over": hand_over, "more": more}
-        learn_on_policy(run, self, flights, agent, actor.network, **given)
-        return hand_over.finish()
+        learn_on_policy(run, self, pilot, agent, actor.network, **given)
 
     def curriculum(self, demos: Sequence[Episode]) -> Curriculum:
         """Return how the guide's part shrinks, from as long as the longest demonstration where none is specified."""

@@ -26,26 +26,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn.utils import parameters_to_vector, vector_to_parameters
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
-from aerial_il.algorithms.on_policy.critic import Critic
-from aerial_il.algorithms.on_policy.loop import learn_on_policy
+from aerial_il.algorithms.on_policy.loop import learn_step_by_step
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem, from_reward
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source, from_reward
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.state import Snapshot, joined, separate
-from aerial_il.algorithms.run.train_state import Weights
 from aerial_il.policies.categorical import Categorical
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -80,34 +74,17 @@ class NPG(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward(self, given)  # whatever the steps: even a single rollout moves the actor
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        actor = run.build_actor(StochasticNetwork)
-        agent = NaturalGradientAgent(self, actor, run.sizes[0])
-        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
-        return run.finish()
+    def learn(self, run: OnlineRun) -> None:
+        learn_step_by_step(run, self, NaturalGradientAgent)
 
 
-class NaturalGradientAgent:
-    """An actor that takes natural gradient steps, and the critic that estimates advantages.
+class NaturalGradientAgent(ActorCritic[StochasticNetwork]):
+    """An actor that takes natural gradient steps, and the critic that estimates advantages."""
 
-    Args:
-        settings: of the algorithm.
-        actor: the policy's network.
-        obs_size: Do.
-    """
-
-    def __init__(self, settings: Algorithm, actor: StochasticNetwork, obs_size: int) -> None:
-        self.settings, self.actor = settings, actor
-        self._critic = Critic(obs_size, settings.critic_hidden, lr=settings.lr)
-
-    def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return the critic's values (...) of what decisions see (..., Do)."""
-        return self._critic.values(obs)
-
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; no step depends on the share of the training that is ``left``."""
-        metrics = self.improve(found.data) if improve else {}
-        return {**metrics, "critic/loss": self._critic.fit(found.data, self.settings.rollout)}
+        metrics = self.improve(judged.data) if improve else {}
+        return {**metrics, "critic/loss": self._critic.fit(judged.data, self.settings.rollout)}
 
     def improve(self, data: Advantages) -> dict[str, float]:
         """Take one natural gradient step up the standardised advantages."""
@@ -141,12 +118,6 @@ class NaturalGradientAgent:
 
         return product
 
-    def snapshot(self) -> Snapshot:
-        return Snapshot(joined({"actor": Weights(self.actor), "critic": self._critic}).arrays)
-
-    def restore(self, saved: Snapshot) -> None:
-        separate(saved, {"actor": Weights(self.actor), "critic": self._critic})
-
 
 def flat_gradient(
     of: Tensor, weights: list[nn.Parameter], *, differentiable: bool = False, keep: bool = False
@@ -172,14 +143,14 @@ def conjugate_gradients(product: Callable[[Tensor], Tensor], wanted: Tensor, ite
 
     Source: J. Nocedal, S. Wright, "Numerical Optimization", 2006, algorithm 5.2.
     """
-    found, rest = torch.zeros_like(wanted), wanted.clone()
+    solution, rest = torch.zeros_like(wanted), wanted.clone()
     way, left = rest.clone(), rest @ rest
     for _ in range(iterations):
         if left <= 1e-10:
             break
         image = product(way)
         step = left / (way @ image)
-        found, rest = found + step * way, rest - step * image
+        solution, rest = solution + step * way, rest - step * image
         before, left = left, rest @ rest
         way = rest + left / before * way
-    return found
+    return solution

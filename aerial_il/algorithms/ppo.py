@@ -25,22 +25,18 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic, minibatches
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged
-from aerial_il.algorithms.on_policy.agent import ActorCritic
-from aerial_il.algorithms.on_policy.critic import minibatches
-from aerial_il.algorithms.on_policy.loop import check_rollout, learn_on_policy
+from aerial_il.algorithms.on_policy.loop import check_rollout, learn_step_by_step
 from aerial_il.algorithms.on_policy.settings import Rollout
-from aerial_il.algorithms.on_policy.steps import StepFlights
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_pretrain
-from aerial_il.algorithms.online.problem import Given, Problem, from_reward
-from aerial_il.algorithms.online.replay_buffer import ReplayBuffer
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source, from_reward
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, bc_pretrain
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.policies.categorical import Categorical
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, StochasticNetwork
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 
@@ -77,36 +73,30 @@ class PPO(Algorithm):
         check_rollout(self, given.env)
         return from_reward(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        actor = run.build_actor(StochasticNetwork)
-        agent = ProximalActorCritic(self, actor, run.sizes[0], smoothness=self.smoothness)
-        learn_on_policy(run, self, StepFlights(run, actor, obs_norm=True), agent, actor)
-        return run.finish()
+    def learn(self, run: OnlineRun) -> None:
+        learn_step_by_step(run, self, ProximalActorCritic)
 
 
 class ProximalActorCritic[Actor: StochasticNetwork](ActorCritic[Actor]):
-    """Actor and critic, updated in several passes over a rollout.
+    """Actor and critic, updated in several passes over a rollout."""
 
-    Args:
-        smoothness: how the actor is held back from rough actions; None for not at all.
-    """
+    changing = ("_actor", "_critic")
 
-    def __init__(
-        self, settings: Algorithm, actor: Actor, obs_size: int, *, smoothness: Smoothness | None = None
-    ) -> None:
-        super().__init__(actor, obs_size, settings.critic_hidden, lr=settings.lr)
-        self.settings, self._smoothness = settings, smoothness or NO_SMOOTHNESS
+    def __init__(self, settings: Algorithm, actor: Actor, obs_size: int) -> None:
+        super().__init__(settings, actor, obs_size)
+        self._actor = TrainState(actor, adam(actor, settings.lr))
+        self._smoothness: Smoothness = getattr(settings, "smoothness", NO_SMOOTHNESS)
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
         size = self.settings.rollout.batch_size or len(demos)
         bc_pretrain(self._actor, self.actor, demos, steps=steps, batch_size=size)
 
-    def learn(self, found: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
+    def learn(self, judged: Judged, *, left: float, improve: bool = True) -> dict[str, float]:
         """Learn from one rollout; the learning rate follows the share of the training that is ``left``."""
         for part in (self._actor, self._critic):
             part.set_lr(self.settings.lr * left)
-        return self._passes(found.data, improve=improve)
+        return self._passes(judged.data, improve=improve)
 
     def _passes(self, data: Advantages, *, improve: bool) -> dict[str, float]:
         """Go over a rollout several times; a pass that exceeds the KL limit, ``1.5 target_kl``, is the actor's last."""

@@ -25,13 +25,12 @@ import numpy as np
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
-from aerial_il.algorithms.on_policy.decisions import DecisionFlights
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.on_policy.shifting import ShiftActor, ShiftPilot
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
@@ -99,15 +98,15 @@ class Residual(FromClone):
             raise InvalidValueError("The prior sees images alone, and a shift sees state fields: name some, obs_names.")
         return prior
 
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
+        start: Start = run.problem.start
         base = start.prior
         seen, moved = sum(run.sizes), base.interface.varied & np.isnan(base.interface.switches.low)
         actor = ShiftActor(Shift(seen, self.hidden, moved, self.reach), self.noise)
         agent = AnchoredActorCritic(self, actor, seen)
-        flights = DecisionFlights(run.collector, ShiftPilot(actor, base.fresh(), self.hold, run.collector))
+        pilot = ShiftPilot(actor, base.fresh(), self.hold, run.collector)
         gate = ReturnGate(actor, run.collector.n, self.gate)
         run.wrap = lambda own: ResidualPolicy(
             base.fresh(), actor.shift, hidden=self.hidden, hold=self.hold, origin=own.origin
         )
-        learn_on_policy(run, self, flights, agent, base.network, warmup=self.warmup, gate=gate)
-        return run.finish()
+        learn_on_policy(run, self, pilot, agent, base.network, warmup=self.warmup, gate=gate)

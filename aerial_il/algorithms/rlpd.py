@@ -28,32 +28,26 @@ algorithm 1; there 20 updates a step, here 4.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
+from aerial_il.algorithms.off_policy.agent import squared_error
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import RandomActions
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_off_policy
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_loss
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch, concatenated
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.algorithms.sac import SoftActorCritic
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -94,7 +88,7 @@ class RLPD(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = EnsembleActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
@@ -104,72 +98,22 @@ class RLPD(Algorithm):
         def update(improve: bool) -> dict[str, float]:
             del improve  # nothing is learned in the warm-up
             near = demos.sample(half)
-            return agent.update(concatenated(near, flights.buffer.sample(self.replay.batch_size - half)), near)
+            batch = concatenated(near, flights.buffer.sample(self.replay.batch_size - half))
+            return agent.update(batch, demos=near)
 
         learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts={"demonstrations": demos})
-        return run.finish()
 
 
-class EnsembleActorCritic(Agent[SquashedGaussianNetwork]):
-    """Actor, an ensemble of critics, slowly following target networks and the temperature alpha."""
-
-    def __init__(self, settings: RLPD, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
-        self.settings, self.actor = settings, actor
-        critics = settings.critics.build(sizes)
-        temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
-        self.log_alpha, self.target_entropy = temperature[0], settings.entropy * sizes[1]
-        improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
-        self.actor_state = TrainState(improved, adam(improved, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
-        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
-
-    def update(self, batch: Batch, demos: Batch) -> dict[str, float]:
-        """Take one step of critics and targets and, where it is due, of actor and temperature.
-
-        Args:
-            batch: what they learn from. demos: the demonstrations in it.
-        """
-        loss, metrics = self.critic_loss(batch)
-        self.critics.descend(loss)
-        self.targets.follow(self.settings.critics.tau)
-        self.updates += 1
-        if self.updates % self.settings.actor_every == 0:
-            loss, means = self.actor_and_alpha_loss(batch)
-            self.actor_state.descend(loss + self._pull(batch, demos))
-            metrics |= means
-        return metrics
+class EnsembleActorCritic(SoftActorCritic):
+    """The agent of ``sac`` with an ensemble of critics: backups ask some of them, the actor their mean."""
 
     def critic_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
         """Return the squared Bellman error, summed over the critics."""
         return squared_error(self.critics.network, batch, self.bellman_targets(batch), spread=True)
 
-    @torch.no_grad()
-    def bellman_targets(self, batch: Batch) -> Tensor:
-        """Return ``r + gamma * (min over Z of Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
-        alive = 1.0 - batch.next_obs[:, -1]
-        actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
+    def target_values(self, obs: Tensor, actions: Tensor) -> Tensor:
         chosen = torch.randperm(self.settings.critics.count)[: self.settings.subset]
-        values = self.targets.network(batch.next_obs, alive[:, None] * actions, chosen).min(0).values
-        soft_values = values - self.log_alpha.exp() * alive * log_prob
-        return batch.rewards + self.settings.gamma * batch.continues * soft_values
+        return self.targets.network(obs, actions, chosen).min(0).values
 
-    def actor_and_alpha_loss(self, batch: Batch) -> tuple[Tensor, dict[str, float]]:
-        """Return ``alpha log pi - mean Q`` plus alpha's own loss, without the absorbing state, where none is chosen.
-
-        The first reaches the actor alone, the second alpha alone.
-        """
-        alive = 1.0 - batch.obs[:, -1]
-        share, alpha = alive / alive.sum().clamp(min=1.0), self.log_alpha.detach().exp()
-        actions, _, log_prob = self.actor.sample(batch.obs[:, None, :-1])
-        values = self.critics.network(batch.obs, actions).mean(0)
-        actor_loss = (share * (alpha * log_prob - values)).sum()
-        entropy = -(share * log_prob.detach()).sum()
-        alpha_loss = self.log_alpha * (entropy - self.target_entropy)
-        means = {"actor/loss": actor_loss.item(), "actor/entropy": entropy.item(), "actor/alpha": alpha.item()}
-        return actor_loss + alpha_loss, means
-
-    def _pull(self, batch: Batch, demos: Batch) -> Tensor | float:
-        """Return the loss that pulls the actor to demonstrated actions and holds it back from rough ones."""
-        near = self.settings.bc_weight * bc_loss(self.actor, demos) if self.settings.bc_weight else 0.0
-        return near + self.settings.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
+    def actor_values(self, obs: Tensor, actions: Tensor) -> Tensor:
+        return self.critics.network(obs, actions).mean(0)

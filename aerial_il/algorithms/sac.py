@@ -26,22 +26,17 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.off_policy.agent import Agent
-from aerial_il.algorithms.off_policy.critics import Target, squared_error
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
+from aerial_il.algorithms.off_policy.agent import Agent, squared_error
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.cloning import bc_loss, bc_pretrain
-from aerial_il.algorithms.online.problem import Given, Problem
-from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source
+from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, bc_loss, bc_pretrain
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.run.train_state import TrainState, adam
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -73,57 +68,40 @@ class SAC(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes, smoothness=self.smoothness)
-        return learn_from_reward(run, self, agent, agent.update)
+    def learn(self, run: OnlineRun) -> None:
+        agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
+        learn_from_reward(run, self, agent, agent.update)
 
 
 class SoftActorCritic(Agent[SquashedGaussianNetwork]):
-    """Actor, critics, slowly following target networks and the temperature alpha.
+    """Actor, critics, slowly following target networks and the temperature alpha."""
 
-    Args:
-        smoothness: how the actor is held back from rough actions; None for not at all.
-    """
-
-    def __init__(
-        self,
-        settings: Algorithm,
-        actor: SquashedGaussianNetwork,
-        sizes: tuple[int, int],
-        *,
-        smoothness: Smoothness | None = None,
-    ) -> None:
-        self.settings, self.actor = settings, actor
-        self.smoothness = smoothness or NO_SMOOTHNESS
-        critics = settings.critics.build(sizes)
+    def __init__(self, settings: Algorithm, actor: SquashedGaussianNetwork, sizes: tuple[int, int]) -> None:
+        super().__init__(settings, actor, sizes)
+        self._smoothness: Smoothness = getattr(settings, "smoothness", NO_SMOOTHNESS)
         temperature = nn.ParameterList([nn.Parameter(torch.tensor(math.log(settings.alpha)))])
         self.log_alpha, self.target_entropy = temperature[0], settings.entropy * sizes[1]
         improved = nn.ModuleDict({"policy": actor, "temperature": temperature})
-        self.actor_state = TrainState(improved, adam(improved, settings.lr))
-        self.critics = TrainState(critics, adam(critics, settings.lr))
-        self.targets = Target(critics)
-        super().__init__({"actor": self.actor_state, "critics": self.critics}, {"targets": self.targets})
+        self.actor_state: TrainState[nn.Module] = TrainState(improved, adam(improved, settings.lr))
 
     def bc_pretrain(self, demos: ReplayBuffer, steps: int) -> None:
         """Move the actor's mean action towards demonstrated ones in ``steps`` minibatches."""
         bc_pretrain(self.actor_state, self.actor, demos, steps=steps, batch_size=self.settings.replay.batch_size)
 
-    def update(
-        self, batch: Batch, *, demos: Batch | None = None, bc_weight: float = 0.0, improve: bool = True
-    ) -> dict[str, float]:
+    def update(self, batch: Batch, *, demos: Batch | None = None, improve: bool = True) -> dict[str, float]:
         """Take one step of critics and targets and, where it is due, of actor and temperature.
 
         Args:
             batch: what all of them learn from.
-            demos: demonstrations that the actor is pulled to as well, with weight ``bc_weight``.
+            demos: demonstrations that the actor is pulled to as well, by the algorithm's ``bc_weight``.
             improve: whether the actor is updated; otherwise the critics alone learn the value of the policy.
         """
         critic_loss, metrics = self.critic_loss(batch)
         self.critics.descend(critic_loss)
         self.updates += 1
         if improve and self.updates % self.settings.actor_every == 0:
-            pull = bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
-            pull += self.smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
+            pull = self.settings.bc_weight * bc_loss(self.actor, demos) if demos is not None else 0.0
+            pull += self._smoothness.loss(self.actor, batch.obs[:, :-1], batch.next_obs[:, :-1])
             actor_loss, alpha_loss, means = self.actor_and_alpha_loss(batch)
             self.actor_state.descend(actor_loss + pull + alpha_loss)  # the first two reach the actor, the last alpha
             metrics |= means
@@ -134,12 +112,20 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
         """Return the squared Bellman error of both critics."""
         return squared_error(self.critics.network, batch, self.bellman_targets(batch))
 
+    def target_values(self, obs: Tensor, actions: Tensor) -> Tensor:
+        """Return what backups believe of actions, (B,): the smaller target critic."""
+        return self.targets.network(obs, actions).min(0).values
+
+    def actor_values(self, obs: Tensor, actions: Tensor) -> Tensor:
+        """Return what the actor believes of actions, (B,): the smaller critic."""
+        return self.critics.network(obs, actions).min(0).values
+
     @torch.no_grad()
     def bellman_targets(self, batch: Batch) -> Tensor:
         """Return ``r + gamma * (min Q'(s', a') - alpha log pi(a' | s'))`` (B,)."""
         alive = 1.0 - batch.next_obs[:, -1]
         actions, _, log_prob = self.actor.sample(batch.next_obs[:, None, :-1])
-        values = self.targets.network(batch.next_obs, alive[:, None] * actions).min(0).values
+        values = self.target_values(batch.next_obs, alive[:, None] * actions)
         soft_values = values - self.log_alpha.exp() * alive * log_prob
         return batch.rewards + self.settings.gamma * batch.continues * soft_values
 
@@ -148,7 +134,7 @@ class SoftActorCritic(Agent[SquashedGaussianNetwork]):
         alive = 1.0 - batch.obs[:, -1]
         share, alpha = alive / alive.sum().clamp(min=1.0), self.log_alpha.detach().exp()
         actions, _, log_prob = self.actor.sample(batch.obs[:, None, :-1])
-        values = self.critics.network(batch.obs, actions).min(0).values
+        values = self.actor_values(batch.obs, actions)
         actor_loss = (share * (alpha * log_prob - values)).sum()
         entropy = -(share * log_prob.detach()).sum()
         alpha_loss = self.log_alpha * (entropy - self.target_entropy)

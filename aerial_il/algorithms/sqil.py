@@ -30,7 +30,6 @@ from aerial_il.algorithms.online.replay_buffer import alive, concatenated
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -62,7 +61,7 @@ class SQIL(Algorithm):
         check_warmup(self, given.env)
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         absorbing, half = self.demonstrations.absorbing, self.replay.batch_size // 2
         agent = SoftActorCritic(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
         demos = run.demos.buffer(run.interface, run.rng("expert"), absorbing=absorbing, reward=1.0)
@@ -77,4 +76,3 @@ class SQIL(Algorithm):
             return agent.update(concatenated(near, flights.buffer.sample(self.replay.batch_size - half)))
 
         learn_off_policy(run, self, agent, flights, update, pilot=pilot, parts={"expert_buffer": demos})
-        return run.finish()

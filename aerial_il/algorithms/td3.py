@@ -26,18 +26,15 @@ import torch
 from torch import Tensor
 
 from aerial_il.algorithms.ddpg import DeterministicAgent
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
 from aerial_il.algorithms.off_policy.loop import learn_from_reward
 from aerial_il.algorithms.off_policy.problems import from_reward_or_prior
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -75,15 +72,13 @@ class TD3(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_reward_or_prior(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = TwinDelayedAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_from_reward(run, self, agent, agent.update)
+        learn_from_reward(run, self, agent, agent.update)
 
 
 class TwinDelayedAgent(DeterministicAgent):
     """The agent of ``ddpg`` with two critics, and with targets that follow where the actor's step is due."""
-
-    settings: TD3
 
     def update(self, batch: Batch, *, improve: bool = True) -> dict[str, float]:
         """Take one step of the critics and, where it is due, of all targets and, to ``improve``, of the actor."""

@@ -1,1 +1,1 @@
-"""The command line: parses words, composes settings with Hydra, prints; sweeps, launchers. Nothing else knows Hydra."""
+"""The command line: reads words in the grammar of Hydra, prints; sweeps, launchers. Nothing else knows Hydra."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from aerial_il.cli import commands, words
 from aerial_il.cli.known import known, of_choice
 from aerial_il.core import presets
@@ -11,22 +13,7 @@ from aerial_il.core.schema import Key, options
 ACTION = "action"
 CELL = {"robot": "task", "task": "robot"}  # what each must fit
 
-# COMP_WORDBREAKS splits at "=": the word under the cursor is taken from the line itself, and only what
-# stands behind the last "=" is handed back.
-_BASH = r"""_aerial_il() {
-    local line="${COMP_LINE:0:COMP_POINT}" word
-    word="${line##* }"
-    local IFS=$'\n'
-    COMPREPLY=($(aerial-il _complete ${line// /$'\n'} ${line:+$([[ "$line" == *" " ]] && echo "''")} 2>/dev/null))
-    if [[ "$word" == *=* ]]; then
-        if [ ${#COMPREPLY[@]} -eq 0 ]; then COMPREPLY=($(compgen -f -- "${word##*=}")); compopt -o filenames 2>/dev/null
-        else COMPREPLY=("${COMPREPLY[@]#"${word%%=*}="}"); fi
-    fi
-    [[ ${#COMPREPLY[@]} -eq 1 && "${COMPREPLY[0]}" == *= ]] && compopt -o nospace 2>/dev/null
-    [[ ${#COMPREPLY[@]} -gt 1 ]] && compopt -o nospace 2>/dev/null
-    return 0
-}
-complete -F _aerial_il aerial-il"""
+_BASH = Path(__file__).with_suffix(".bash").read_text(encoding="utf-8").rstrip()
 _SHELLS = {"bash": _BASH, "zsh": "autoload -U +X bashcompinit && bashcompinit\n" + _BASH}
 
 

@@ -1,4 +1,4 @@
-"""Hydra composes what was said, and the settings of a command are built of it; its sweeps become points."""
+"""Words in the grammar of Hydra become the settings of a command; its sweeps become points."""
 
 from __future__ import annotations
 
@@ -47,32 +47,29 @@ def settings_of(command: Command, overrides: Iterable[str]) -> Any:
 
 
 def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
-    """Return what overrides say as nested plain values, composed by Hydra over the defaults of ``settings``."""
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_module
-    from hydra.core.config_store import ConfigStore
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import HydraException
+    """Return what overrides say as nested plain values; they may refer to each other and to defaults, ``${seed}``."""
+    from hydra.core.utils import setup_globals
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    given = list(overrides)
-    ConfigStore.instance().store(name=settings.__name__, node=_node(settings))
-    GlobalHydra.instance().clear()
-    found = dict[str, Any]()
+    given, values = list(overrides), dict[str, Any]()
+    parsed = _parsed(given)
+    setup_globals()  # for ${now:...}
+    cfg = OmegaConf.create(_node(settings))
     try:
-        with initialize_config_module(commands.__name__, version_base="1.3"):
-            cfg = hydra_compose(settings.__name__, [f"++{word}" for word in given])
-        for name in (word.partition("=")[0] for word in given):
-            value, place = OmegaConf.select(cfg, name), found
+        for word, each in zip(given, parsed, strict=True):
+            if each.is_sweep_override():
+                raise InvalidValueError(f"{word} are several values: add -m to sweep over them.")
+            OmegaConf.update(cfg, each.key_or_group, each.value(), merge=True, force_add=True)
+        for name in (each.key_or_group for each in parsed):
+            value, place = OmegaConf.select(cfg, name), values
             *path, last = name.split(".")
             for step in path:
                 place = place.setdefault(step, {})
             place[last] = OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
-    except (HydraException, OmegaConfBaseException, AttributeError, TypeError) as error:
-        _parsed(given)  # names the word that cannot be read
+    except (OmegaConfBaseException, AttributeError, TypeError) as error:
         raise InvalidValueError(f"{' '.join(given)} does not go together: {_first_line(error)}") from error
-    return found
+    return values
 
 
 def points(command: Command, overrides: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:
@@ -84,12 +81,12 @@ def points(command: Command, overrides: Sequence[str]) -> list[tuple[tuple[str, 
     free = [(word, each) for word, each in zip(overrides, parsed, strict=True) if each.key_or_group != target]
     ways = [_ways(word, each) for word, each in free]
     swept = [place for place, (_, each) in enumerate(free) if each.is_sweep_override()]
-    found = []
+    jobs = []
     for number, point in enumerate(itertools.product(*ways)):
         name = ",".join(_shown(point[place]) for place in swept) or str(number)
         folder = str(Path(top) / name)
-        found.append(((*point, *([f"{target}={literal(folder)}"] if target else [])), folder))
-    return found
+        jobs.append(((*point, *([f"{target}={literal(folder)}"] if target else [])), folder))
+    return jobs
 
 
 def space(command: Command, overrides: Sequence[str]) -> tuple[dict[str, Any], list[str]]:
@@ -99,13 +96,13 @@ def space(command: Command, overrides: Sequence[str]) -> tuple[dict[str, Any], l
         InvalidValueError: nothing is swept, or a word cannot be read.
     """
     parsed = _parsed(overrides)
-    found = {each.key_or_group: each.value() for each in parsed if each.is_sweep_override()}
-    if not found:
+    swept = {each.key_or_group: each.value() for each in parsed if each.is_sweep_override()}
+    if not swept:
         raise InvalidValueError(
             "There is nothing to search: give a key an interval, e.g. 'algorithm.lr=interval(0.0001,0.01)'."
         )
     fixed = [word for word, each in zip(overrides, parsed, strict=True) if not each.is_sweep_override()]
-    return found, [word for word in fixed if not word.startswith(f"{command.output}=")]
+    return swept, [word for word in fixed if not word.startswith(f"{command.output}=")]
 
 
 def output_folder(command: Command, overrides: Sequence[str]) -> str:
@@ -143,16 +140,16 @@ def _parsed(overrides: Iterable[str]) -> list[Any]:
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
-    parser, found = OverridesParser.create(), []
+    parser, parsed = OverridesParser.create(), []
     for word in overrides:
         try:
-            found.append(parser.parse_override(f"++{word}"))
+            parsed.append(parser.parse_override(f"++{word}"))
         except HydraException as error:
             raise InvalidValueError(
                 f"{word} cannot be read: close its brackets and quotes; text with signs of its own stands in quotes "
                 f"that the shell leaves, \"{word.partition('=')[0]}='...'\"."
             ) from error
-    return found
+    return parsed
 
 
 def _node(settings: type) -> dict[str, Any]:

@@ -32,16 +32,16 @@ def known(settings: type, said: Mapping[str, list[str]]) -> dict[str, Key]:
     Raises:
         UnknownNameError: there is no such choice.
     """
-    found = {key.name: key for key in keys(settings)}
-    waiting = [key for key in found.values() if key.takes == "choice"]
+    every = {key.name: key for key in keys(settings)}
+    waiting = [key for key in every.values() if key.takes == "choice"]
     while waiting:
         key = waiting.pop()
         for name in said.get(key.name, [] if key.default == "null" else [key.default]):
             for inner in of_choice(key.kind, name):
                 new = replace(inner, name=f"{key.name}.{inner.name}")
-                found[new.name] = new
+                every[new.name] = new
                 waiting += [new] * (inner.takes == "choice")
-    return found
+    return every
 
 
 def of_choice(kind: str, name: str) -> list[Key]:
@@ -63,17 +63,17 @@ def of_choice(kind: str, name: str) -> list[Key]:
     from aerial_il.core.files import write_atomic
 
     settings = chosen(kind, name)
-    found = list(keys(type(settings), base=settings))
+    own = list(keys(type(settings), base=settings))
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        write_atomic(file, json.dumps({"state": state, "keys": [asdict(key) for key in found]}))
+        write_atomic(file, json.dumps({"state": state, "keys": [asdict(key) for key in own]}))
     except OSError:
         pass  # a home that cannot be written to
-    return found
+    return own
 
 
 def not_there(kind: str, name: str) -> UnknownNameError:
-    """Return the error for a choice that there is not; a run in place of a policy class is told what may be meant."""
+    """Return the error for an unknown choice; for a run in place of a policy class it says what may be meant."""
     known = options(kind)
     meant = FROM_A_RUN.format(name) if kind == "policy" and "/" in name else "" if known else registry.KINDS[kind].hint
     return UnknownNameError(kind, name, known, meant)

@@ -10,6 +10,7 @@ from aerial_il.cli.help import meaning_of, ordered_names
 from aerial_il.cli.known import of_choice
 from aerial_il.core import schema
 from aerial_il.core.schema import Key
+from aerial_il.presentation.markdown import table
 
 KINDS = ("policy", "algorithm", "gate", "launcher", "sweeper")
 EXAMPLE = re.compile(r"^Example: (.*)$", re.MULTILINE)
@@ -23,11 +24,11 @@ INTRODUCTION = """\
 
 def pages() -> dict[str, str]:
     """Return path on the site -> text: one page for each command, one for each kind of choice, and a list."""
-    found = [commands.find(name) for name in ordered_names()]
-    rows = [f"| [`{command.name}`]({command.name}.md) | {_prose(command.summary)} |" for command in found]
+    every = [commands.find(name) for name in ordered_names()]
+    rows = [(f"[`{command.name}`]({command.name}.md)", _prose(command.summary)) for command in every]
     groups_row = "What may be chosen by name, with its keys: [choices](groups.md)."
-    index = "\n".join([INTRODUCTION, "", "| command | |", "|---|---|", *rows, "", groups_row, ""])
-    of_commands = {f"commands/{command.name}.md": _page(command) for command in found}
+    index = f"{INTRODUCTION}\n\n{table(('command', ''), rows)}\n\n{groups_row}\n"
+    of_commands = {f"commands/{command.name}.md": _page(command) for command in every}
     return {"commands/index.md": index, "commands/groups.md": _choices_page(), **of_commands}
 
 
@@ -48,7 +49,7 @@ def _keys(keys: list[Key]) -> str:
     rows = [
         (f"`{key.name}`", f"`{key.default}`" if key.default else "required", _prose(meaning_of(key))) for key in keys
     ]
-    return _table(("key", "default", ""), rows)
+    return table(("key", "default", ""), rows)
 
 
 def _choices_page() -> str:
@@ -70,9 +71,3 @@ def _prose(text: str) -> str:
     return "".join(
         f"`{part.strip('`')}`" if part.startswith("`") else re.sub(r"([*_|<>\[\]])", r"\\\1", part) for part in parts
     )
-
-
-def _table(columns: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
-    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
-    lines += [f"| {' | '.join(cell.replace(chr(10), ' ') for cell in row)} |" for row in rows]
-    return "\n".join(lines)

@@ -51,6 +51,8 @@ def _launch(command: Command, read: Typed, again: str) -> None:
     if read.sweeps:
         jobs = [Job(command.name, said, folder) for said, folder in points(command, read.overrides)]
         run_sweep(jobs, launcher, again)
+        if command.together is not None:
+            command.together([job.folder for job in jobs])
         return
     if command.shards is None:
         raise InvalidValueError(f"launcher= is for sweeps, and {command.name} is a single run: add -m to sweep.")

@@ -14,8 +14,9 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     names = list(rows[0])
     cells = [[name.replace("_", " ") for name in names]] + [[_text(row[name]) for name in names] for row in rows]
     widths = [max(len(line[i]) for line in cells) for i in range(len(names))]
-    right = [isinstance(rows[0][name], (int, float)) and not isinstance(rows[0][name], bool) for name in names]
-    lines = ["  ".join(_pad(c, w, r) for c, w, r in zip(line, widths, right, strict=True)) for line in cells]
+    numeric = [isinstance(rows[0][name], (int, float)) and not isinstance(rows[0][name], bool) for name in names]
+    forms = [f"{'>' if right else '<'}{width}" for right, width in zip(numeric, widths, strict=True)]
+    lines = ["  ".join(map(format, line, forms)) for line in cells]
     rule = "  ".join("-" * width for width in widths)
     return "\n".join(f"  {line}".rstrip() for line in [lines[0], rule, *lines[1:]])
 
@@ -41,7 +42,3 @@ def _text(value: Any) -> str:
     if isinstance(value, (list, tuple)):
         return ", ".join(map(str, value))
     return "-" if value is None else str(value)
-
-
-def _pad(text: str, width: int, right: bool) -> str:
-    return text.rjust(width) if right else text.ljust(width)

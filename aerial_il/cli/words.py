@@ -112,14 +112,14 @@ def _is_there(path: str) -> bool:
 def _placed(command: Command, bare: list[str]) -> list[tuple[str, str]]:
     """Return bare words under the keys in whose places they stand; a key of several takes all that are left."""
     several = {key.name for key in keys(command.settings) if key.takes == "texts"}
-    found, left = list[tuple[str, str]](), list(bare)
+    placed, left = list[tuple[str, str]](), list(bare)
     for name in command.bare:
         if name in several and left:
-            return [*found, (name, _list(left))]
-        found += [(name, left.pop(0))] if left else []
+            return [*placed, (name, _list(left))]
+        placed += [(name, left.pop(0))] if left else []
     if left:
         raise InvalidValueError(f"{left[0]!r} is not KEY=VALUE. {command.hint}")
-    return found
+    return placed
 
 
 def _list(values: list[str]) -> str:
@@ -128,15 +128,15 @@ def _list(values: list[str]) -> str:
 
 def _choices(command: Command, pairs: Iterable[tuple[str, str]], sweeps: bool) -> dict[str, list[str]]:
     """Return key -> the names that are said there, several in a sweep."""
-    found = dict[str, list[str]]()
+    names = dict[str, list[str]]()
     for name, value in pairs:
         name, inner = name.removesuffix(".name"), _CHOICE.fullmatch(value)
         if glob := _GLOB.fullmatch(value):
-            key = known(command.settings, found).get(name)
-            found[name] = [each for each in options(key.kind) if fnmatch(each, glob[1])] if key and key.kind else []
+            key = known(command.settings, names).get(name)
+            names[name] = [each for each in options(key.kind) if fnmatch(each, glob[1])] if key and key.kind else []
         else:
-            found[name] = (inner[1] if inner else value).split(",") if sweeps else [value]
-    return found
+            names[name] = (inner[1] if inner else value).split(",") if sweeps else [value]
+    return names
 
 
 def _find(command: Command, name: str, there: Mapping[str, Key]) -> Key:

@@ -108,7 +108,8 @@ def tick(vehicle, gains, steering, scratch, level, action, qpos, qvel, thrust_no
     omega = rotate(rot, omega_body)
     joint_vel = qvel[6 : 6 + count]
     frames = scratch.frames
-    feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, state, dt)
+    joints = qpos[7 : 7 + count]
+    feed_forward = _advance_references(vehicle, gains, scratch, level, action, pos, rot, joints, state, dt)
     forward_kinematics(vehicle, pos, rot, qpos, 7, frames)
     lever = _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, thrust_now, state, dt)
     put(scratch.base_pos, 0, pos)
@@ -176,13 +177,13 @@ def _observe(vehicle, gains, action, frames, pos, rot, vel, omega, joint_vel, th
 
 
 @kernel
-def _advance_references(vehicle, gains, scratch, level, action, pos, rot, state, dt):
+def _advance_references(vehicle, gains, scratch, level, action, pos, rot, joints, state, dt):
     """Move the base and joint references on; return the base acceleration to feed forward, m/s²."""
     count = vehicle.num_joints
     if level <= EE_DELTA:
         advance_tool(state, dt)
         advance_base(state, dt)
-        solve_arm(vehicle, gains, scratch, state, pos, rot, dt)
+        solve_arm(vehicle, gains, scratch, state, pos, rot, joints, dt)
         return vec(state, layout.TOOL_ACC)
     first = vehicle.num_rotors if level == ROTOR else 4
     if vehicle.base_mobility == 0.0:

@@ -19,4 +19,5 @@ CLOSED = 61  # low-passed gripper command: 1 closed, 0 open
 TOOL_ACC = 62  # acceleration of the end-effector reference until the next action
 LAW, LAW_SIZE = 65, 6  # what a flight law remembers
 TARGET_ROT = 71  # last commanded orientation, world from tool; kept at the level ee_delta
-CONTROLLER_STATE_SIZE = 80
+CONTACT = 80  # force on the tool as the joints feel it, world frame, N
+CONTROLLER_STATE_SIZE = 83

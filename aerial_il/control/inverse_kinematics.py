@@ -35,7 +35,7 @@ def solve_in_task_space(scratch, count, damping):
             for c in range(count):
                 total += scaled[r, c] * scaled[s, c]
             gram[r, s] = total
-    _solve_cholesky(gram, y, 6)
+    solve_cholesky(gram, y, 6)
     for c in range(count):
         total = 0.0
         for r in range(6):
@@ -59,7 +59,7 @@ def solve_in_joint_space(scratch, first, count, damping):
         for r in range(6):
             total += scaled[r, first + a] * scratch.residual[r]
         scratch.solution[a] = total
-    _solve_cholesky(gram, scratch.solution, count)
+    solve_cholesky(gram, scratch.solution, count)
     for a in range(count):
         c = first + a
         scratch.step[c] = scratch.pull[c] + mobility[c] * scratch.solution[a] if mobility[c] > 0.0 else 0.0
@@ -79,7 +79,7 @@ def _scale(scratch, first, stop):
 
 
 @kernel
-def _solve_cholesky(a, b, size):
+def solve_cholesky(a, b, size):
     """Solve A x = b in place for symmetric positive definite A (lower triangle given, overwritten); x in b."""
     for i in range(size):
         for j in range(i + 1):

@@ -9,6 +9,7 @@ is off by. That second step makes it more accurate in wind than any gain of the 
 from __future__ import annotations
 
 from aerial_il.control import controller_state as layout
+from aerial_il.control.contact import feel_contact, give_way
 from aerial_il.control.dynamics import forward_kinematics, put, tool_jacobian, tool_pose, vec
 from aerial_il.control.inverse_kinematics import (
     freeze_at_limits,
@@ -103,14 +104,14 @@ def advance_base(state, dt):
 
 
 @kernel
-def solve_arm(vehicle, gains, scratch, state, pos, rot, dt):
-    """Move the joint set-points so that the tool meets its reference from the base's actual pose.
+def solve_arm(vehicle, gains, scratch, state, pos, rot, measured, dt):
+    """Move the joint set-points so that the tool meets its reference from the base's actual pose, or gives way.
 
     Args:
         vehicle, gains: model and tuning.
         scratch: working memory; ``servo_vel`` (J,) is written: velocity of the set-points, rad/s.
         state: controller state; the set-points in it are advanced.
-        pos, rot: measured base pose.
+        pos, rot: measured base pose. measured: (J,) joint positions, rad.
         dt: s.
     """
     count = vehicle.num_joints
@@ -118,6 +119,8 @@ def solve_arm(vehicle, gains, scratch, state, pos, rot, dt):
         return
     target, target_rot = vec(state, layout.TOOL_POS), read_rotation(state, layout.TOOL_ROT)
     _linearise(vehicle, scratch, pos, rot, state, layout.JOINT_CMD, target, target_rot, gains.orientation_weight)
+    feel_contact(vehicle, scratch, state, measured, dt)
+    put(scratch.error, 0, add(vec(scratch.error, 0), give_way(vehicle, state, pos)))
     for j in range(count):
         scratch.pull[4 + j] = ARM_REST_RATE * dt * (state[layout.JOINT_REF + j] - state[layout.JOINT_CMD + j])
     solve_in_joint_space(scratch, 4, count, DAMPING)

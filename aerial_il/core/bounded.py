@@ -113,18 +113,20 @@ def _check_events(text: str | bytes) -> None:
             raise InvalidFileError(f"it has a number of {len(event.value)} digits")
 
 
-def read_npz(path: str | os.PathLike[str], names: Collection[str] | None = None) -> dict[str, np.ndarray]:
+def read_npz(
+    path: str | os.PathLike[str], names: Collection[str] | None = None, *, most: int = MAX_UNPACKED_BYTES
+) -> dict[str, np.ndarray]:
     """Read the arrays of an ``.npz`` file, all or those of ``names`` that are there; objects are refused.
 
     Raises:
         OSError: it cannot be read.
-        ValueError: it is none, or would unpack to more than ``MAX_UNPACKED_BYTES``.
+        ValueError: it is none, or would unpack to more than ``most`` bytes.
     """
-    raw = io.BytesIO(read_bytes(path, most=MAX_UNPACKED_BYTES))
+    raw = io.BytesIO(read_bytes(path, most=most))
     try:
         with zipfile.ZipFile(raw) as archive:
-            if (size := sum(entry.file_size for entry in archive.infolist())) > MAX_UNPACKED_BYTES:
-                raise InvalidFileError(f"it would unpack to {size} bytes, more than {MAX_UNPACKED_BYTES}")
+            if (size := sum(entry.file_size for entry in archive.infolist())) > most:
+                raise InvalidFileError(f"it would unpack to {size} bytes, more than {most}")
         with np.load(raw, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files if names is None or name in names}
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, MemoryError, NotImplementedError, KeyError) as error:

@@ -1,10 +1,25 @@
-"""Checks of settings, by field name: positive, not negative, a share, widths, one of some choices."""
+"""What settings must be, by field name: tuples, positive, not negative, a share, widths, one of some choices."""
 
 from __future__ import annotations
 
-from typing import get_args
+from dataclasses import fields
+from typing import Any, get_args
 
 from aerial_il.core.errors import InvalidValueError
+
+
+def make_tuples(settings: Any) -> None:
+    """Turn what stands for a tuple among the fields of a frozen dataclass into one.
+
+    A list, as YAML and JSON know them, becomes a tuple; a single name or number the tuple of it alone, where it would
+    otherwise be taken for a sequence of letters. To be called first in ``__post_init__``.
+    """
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        if isinstance(value, list):
+            object.__setattr__(settings, field.name, tuple(value))
+        elif isinstance(value, str | int | float) and str(field.type).startswith("tuple["):
+            object.__setattr__(settings, field.name, (value,))
 
 
 def require_positive(settings: object, *names: str) -> None:

@@ -52,6 +52,11 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         raise type(error)(f"{at if named else ''}{error}") from error
 
 
+def changed[S](settings: S, changes: Mapping[str, Any]) -> S:
+    """Return settings with some of their values changed, nested ones likewise; see :func:`build`."""
+    return build(type(settings), changes, base=settings)
+
+
 def _over_preset[S](kind: type[S], given: dict[str, Any], preset: str, base: S | None, at: str) -> S:
     """Return settings in which what is ``given`` stands over what the preset says that is named in it."""
     name = given.pop(preset)
@@ -94,15 +99,22 @@ def chosen(kind: str, value: Any, before: Any = None, at: str = "") -> Any:
 
 def plain(settings: Any) -> dict[str, Any]:
     """Return settings as nested plain values, of which :func:`build` makes the same again."""
-    hints, found = hints_of(type(settings)), dict[str, Any]()
+    hints, values = hints_of(type(settings)), dict[str, Any]()
     for field in fields(settings):
         value, choice = getattr(settings, field.name), marked(hints[field.name], Choice)
         if is_dataclass(value):
             name = {"name": registry.name_of(choice.kind, type(value))} if choice is not None else {}
-            found[field.name] = name | plain(value)
+            values[field.name] = name | plain(value)
         elif field.init:
-            found[field.name] = _listed(value)
-    return found
+            values[field.name] = _listed(value)
+    return values
+
+
+def dotted(tree: Any, prefix: str = "") -> dict[str, Any]:
+    """Return dotted keys -> the leaves of nested mappings; an empty mapping is a leaf."""
+    if not isinstance(tree, Mapping) or not tree:
+        return {prefix.rstrip("."): tree}
+    return {key: leaf for name, value in tree.items() for key, leaf in dotted(value, f"{prefix}{name}.").items()}
 
 
 def fits(value: Any, hint: Any) -> bool:

@@ -1,4 +1,4 @@
-"""Memory that this computer has left."""
+"""Memory that this computer has left, and how much of it one episode may take."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 MEMINFO, CGROUP = Path("/proc/meminfo"), Path("/sys/fs/cgroup")
+MEMORY_MB = 2000  # of one episode, unless more is asked for
 
 
 def free_memory_bytes() -> int:

@@ -57,7 +57,7 @@ class GoalColumns:
 
     def __init__(self, goal: GoalSpec, columns: Mapping[str, slice]) -> None:
         if missing := sorted({*goal.fields} - {*columns}):
-            hint = "Leave them out of policy.blind_to, or name them in policy.obs_names."
+            hint = "Leave them out of policy.masked_fields, or name them in policy.obs_names."
             raise InvalidValueError(f"Hindsight exchanges goals, and {', '.join(missing)} is not shown. {hint}")
         self._goal, self._columns = goal, columns
 

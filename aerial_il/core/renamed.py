@@ -1,11 +1,12 @@
-"""Settings that moved, and where to: an old key is answered with the new one, for a while."""
+"""Settings that moved or were renamed: an old key is answered with the new one, for a while."""
 
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
 
-#: Settings that moved into a group: where to, of which an algorithm has one at most.
+#: Old names -> new ones, of which an algorithm or a policy has one at most.
 MOVED: Mapping[str, tuple[str, ...]] = {
+    "blind_to": ("masked_fields",),
     "buffer_size": ("replay.capacity",),
     "batch_size": ("replay.batch_size", "rollout.batch_size"),
     "utd_ratio": ("replay.updates_per_step",),

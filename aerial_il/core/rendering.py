@@ -19,21 +19,7 @@ BACKENDS = ("egl", "osmesa")
 DISABLED = "disabled"
 PACKAGES = "libegl1 libopengl0 libgl1-mesa-dri"
 _OFF = ("off", "disable", "disabled", "false", "0")  # what MuJoCo and dm_control both take for "no pictures"
-
-_ON = (
-    "egl",
-    "osmesa",
-    "glfw",
-    "glx",
-    "wgl",
-    "cgl",
-    "on",
-    "enable",
-    "enabled",
-    "true",
-    "1",
-    "",
-)  # what it takes besides
+_ON = ("egl", "osmesa", "glfw", "glx", "wgl", "cgl", "on", "enable", "enabled", "true", "1", "")  # what it takes, too
 
 _ONE_FRAME = """
 import mujoco

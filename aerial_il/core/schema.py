@@ -91,12 +91,12 @@ def keys(kind: type, *, base: Any = None, at: str = "") -> Iterator[Key]:
 
 def meanings(kind: type) -> dict[str, str]:
     """Return what the docstrings of ``kind`` and of its bases say of each setting."""
-    found: dict[str, str] = {}
+    meant: dict[str, str] = {}
     for each in reversed(kind.__mro__):
         _, _, said = inspect.cleandoc(each.__doc__ or "").partition("Attributes:\n")
         for names, text in _MEANING.findall(said):
-            found |= _parted(names, " ".join(text.split()), {*getattr(each, "__dataclass_fields__", ())})
-    return found
+            meant |= _parted(names, " ".join(text.split()), {*getattr(each, "__dataclass_fields__", ())})
+    return meant
 
 
 def _parted(names: str, text: str, known: set[str]) -> dict[str, str]:
@@ -149,8 +149,8 @@ def bare(hint: Any) -> Any:
 def marked[M](hint: Any, mark: type[M]) -> M | None:
     """Return the mark of a hint that is annotated with one, ``Annotated[...] | None`` too."""
     for each in (hint, *(get_args(hint) if get_origin(hint) in (Union, types.UnionType) else ())):
-        found = each.__metadata__ if get_origin(each) is Annotated else ()
-        if (marked := next((one for one in found if isinstance(one, mark)), None)) is not None:
+        marks = each.__metadata__ if get_origin(each) is Annotated else ()
+        if (marked := next((one for one in marks if isinstance(one, mark)), None)) is not None:
             return marked
     return None
 

@@ -32,6 +32,21 @@ def named_rng(seed: int, *names: str) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence([*_words("/".join(names)), int(seed)])))
 
 
+def restarted(
+    rngs: Sequence[np.random.Generator], seeds: np.ndarray, mask: np.ndarray | None, *names: str
+) -> tuple[list[np.random.Generator], np.ndarray]:
+    """Return the named streams of n worlds, new ones where episodes begin, and where (n,) bool they do.
+
+    Args:
+        rngs: those so far; of another number of worlds all begin. seeds: (n,). mask: (n,) bool; None for all.
+    """
+    fresh = len(rngs) != len(seeds)
+    begins = np.ones(len(seeds), bool) if mask is None or fresh else mask
+    new = (i for i in range(len(seeds)) if begins[i])
+    started = {i: named_rng(int(seeds[i]), *names) for i in new}
+    return [started[i] if begins[i] else rngs[i] for i in range(len(seeds))], begins
+
+
 def seeds_of(seeds: np.ndarray | Sequence[int] | int, n: int) -> np.ndarray:
     """Return the seeds (n,) of n worlds; one integer s stands for s, s + 1, …
 
@@ -56,6 +71,19 @@ def torch_rng(seed: int, *names: str) -> Iterator[None]:
     with torch.random.fork_rng():
         torch.manual_seed(int(named_rng(seed, *names).integers(2**63)))
         yield
+
+
+@contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Let torch use ``count`` threads within the ``with`` block: results repeat bit for bit at a fixed number only."""
+    import torch
+
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
 
 
 def _words(text: str) -> list[int]:

@@ -80,6 +80,10 @@ class ObservationSpec:
 
     fields: tuple[Field, ...]
 
+    def __repr__(self) -> str:
+        fields = (f"{field.name} {field.shape} {field.unit}".rstrip() for field in self.fields)
+        return f"ObservationSpec({', '.join(fields)})"
+
     @property
     def names(self) -> tuple[str, ...]:
         return tuple(f.name for f in self.fields)
@@ -142,6 +146,9 @@ class ActionSpec:
     low: np.ndarray
     high: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"ActionSpec({self.level}: {', '.join(self.labels)})"
+
     def __post_init__(self) -> None:
         sizes = {len(self.labels), len(self.units), len(self.low), len(self.high)}
         if len(sizes) != 1:
@@ -152,6 +159,11 @@ class ActionSpec:
     @property
     def size(self) -> int:
         return len(self.labels)
+
+    @property
+    def reach(self) -> np.ndarray:
+        """(Da,) how far each element can be from the middle of its bounds; infinite without them."""
+        return 0.5 * (np.asarray(self.high, float) - np.asarray(self.low, float))
 
     def clip(self, action: np.ndarray) -> np.ndarray:
         """Return ``action`` (..., Da) limited to the bounds."""
@@ -195,6 +207,10 @@ class EnvSpec:
     disturbances: Mapping[str, Any] = field(default_factory=dict, hash=False)
     controller: str = "geometric_observer"
     options: Mapping[str, Any] = field(default_factory=dict, hash=False)
+
+    def __repr__(self) -> str:
+        where, rate = f"{self.robot}/{self.task}, {self.tier}", 1.0 / self.control_dt_s
+        return f"EnvSpec({where}, {rate:g} Hz, {self.max_steps} steps, {self.observation}, {self.action})"
 
     @property
     def is_outside(self) -> bool:

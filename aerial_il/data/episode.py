@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -56,9 +56,19 @@ class Episode:
     extras: Mapping[str, np.ndarray] = field(default_factory=dict)
     extra_labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        where, end = f"{self.spec.robot}/{self.spec.task}", "success" if self.success else "no success"
+        return f"Episode({self.uid}: {len(self)} steps of {where}, {end}, {', '.join(self.obs)})"
+
     def __len__(self) -> int:
         """Return the number of control steps T."""
         return len(self.actions)
+
+    @property
+    def nbytes(self) -> int:
+        """How much memory its arrays take."""
+        held = [getattr(self, each.name) for each in fields(self)]
+        return sum(each.nbytes for each in (*held, *self.obs.values()) if isinstance(each, np.ndarray))
 
     @property
     def seed(self) -> int:
@@ -67,6 +77,12 @@ class Episode:
     @property
     def total_reward(self) -> float:
         return float(self.rewards.sum())
+
+    @property
+    def is_terminal(self) -> bool:
+        """Whether nothing can follow it: the environment ended it, or success did; not time, nor the end of a file."""
+        solved = self.success and not self.truncated[-1] and not self.spec.is_foreign
+        return bool(self.terminated[-1] or solved)
 
     @property
     def asked(self) -> np.ndarray:

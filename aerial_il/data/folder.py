@@ -19,6 +19,7 @@ import yaml
 from aerial_il.core.bounded import read_yaml
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.files import open_own, sha256_of, sync_folder, write_atomic
+from aerial_il.core.places import claim_folder
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording.writer import storing
 
@@ -84,6 +85,7 @@ class DatasetFolder:
         """
         owner = self.spec()
         if owner is None:
+            claim_folder(self.path, (LOG, "*/*.mcap", "*/*.mcap.part"))
             self.write_index(spec)
         elif differing := owner.differences(spec):
             raise InvalidValueError(

@@ -10,9 +10,9 @@ from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolde
 from aerial_il.data.recording.decoding import Messages
 from aerial_il.data.recording.form import Form
 from aerial_il.data.recording.reader import check_channels, read_episode, read_head, read_outcome
+from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import Contents, scan
 from aerial_il.data.recording.writer import OUTCOME, EpisodeWriter, is_being_written
-from aerial_il.data.validation import Report
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,15 +63,6 @@ class LearningPoint:
 
     demonstrations: int
     result: EvaluationResult
-
-
-def training_curves(run: str | os.PathLike[str]) -> list[Curve]:
-    """Read the curves of a run folder's ``metrics.jsonl``.
-
-    Raises:
-        InvalidValueError: there is no such file, or one of its rows is not a metric; names file and line.
-    """
-    return curves_of(read_rows(Path(run) / "metrics.jsonl"))
 
 
 def curves_of(rows: Iterable[Mapping[str, Any]]) -> list[Curve]:

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_folder
 from aerial_il.data.folder import INDEX
-from aerial_il.evaluation.journal import Journal
+from aerial_il.evaluation.journal import FOLDER, Journal
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 
 CONDITIONS = ("action_level", "controller", "control_dt_s", "max_steps", "disturbances", "options")
@@ -62,6 +63,8 @@ def finished(
             return result
         _refuse(out, "the result of another evaluation", differing, overwrite)
     if started is None:
+        if result is None and not (Path(out) / FOLDER).is_dir():
+            claim_folder(out, ())
         journal.close()  # flights of nobody knows what: a folder that was being cleared away
     if started is not None and (differing := _differences(started, subject, called)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)
@@ -111,7 +114,7 @@ def _differences(there: Mapping[str, Any], asked: Mapping[str, Any], called: str
 
 
 def _policies(old: str, new: str) -> tuple[str, str]:
-    """Return how two policies are told apart; weights are known by their digest, which says nothing to anybody."""
+    """Return names that tell two policies apart; weights are known by their digest, which says nothing to anybody."""
     return (f"{old} as it was then", f"{new} as it is now, with other weights") if old == new else (old, new)
 
 

@@ -58,7 +58,7 @@ class Journal:
             return None
         return subject if isinstance(subject, dict) else None
 
-    def begin(self, subject: Mapping[str, Any]) -> None:
+    def start(self, subject: Mapping[str, Any]) -> None:
         """Keep what ends from now on as flights of ``subject``."""
         self._subject = dict(subject)
 

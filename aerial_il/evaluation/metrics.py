@@ -147,8 +147,8 @@ def measure(trace: Trace, spec: EnvSpec) -> EpisodeRecord:
         ee_error_mean_m=float(error.mean()) if error.size else None,
         ee_error_max_m=float(error.max()) if error.size else None,
         effort_mean=float(trace.effort.mean()) if np.isfinite(trace.effort).all() else None,
-        action_jerk_rms=action_jerk_rms(trace.executed, spec.action.units, dt),
-        action_rate_rms=action_rate_rms(trace.executed, spec.action.units, dt),
+        action_jerk_rms=derivative_rms(trace.executed, spec.action.units, dt, order=3),
+        action_rate_rms=derivative_rms(trace.executed, spec.action.units, dt, order=1),
         action_fast_share=action_fast_share(spec.action.low, spec.action.high, trace.executed, dt),
         contact_events=onsets,
         contact_time_s=_tidy(np.count_nonzero(touching) * dt),
@@ -162,26 +162,18 @@ def why_ended(*, success: bool, crash: bool, dropped: bool) -> End:
     return "success" if success else "crash" if crash else "dropped" if dropped else "timeout"
 
 
-def action_jerk_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
-    """Return the root mean square third derivative of an action sequence, one number per unit.
+def derivative_rms(actions: np.ndarray, units: Sequence[str], dt_s: float, *, order: int) -> dict[str, float]:
+    """Return the root mean square of a derivative of an action sequence, one number per unit.
 
     Args:
         actions: (T, Da) executed actions.
         units: Da units; elements that share one are averaged together.
         dt_s: time between two actions.
+        order: of the derivative; 3 for jerk, 1 for rate.
 
     Returns:
-        ``unit/s^3`` -> value, by third finite differences; empty for fewer than four steps.
+        E.g. ``unit/s^3`` -> value, by finite differences; empty for ``order`` steps or fewer.
     """
-    return _derivative_rms(actions, units, dt_s, order=3)
-
-
-def action_rate_rms(actions: np.ndarray, units: Sequence[str], dt_s: float) -> dict[str, float]:
-    """Return the root mean square first derivative of an action sequence, ``unit/s`` -> value; see above."""
-    return _derivative_rms(actions, units, dt_s, order=1)
-
-
-def _derivative_rms(actions: np.ndarray, units: Sequence[str], dt_s: float, *, order: int) -> dict[str, float]:
     if len(actions) <= order:
         return {}
     squared = (np.diff(actions, n=order, axis=0) / dt_s**order) ** 2

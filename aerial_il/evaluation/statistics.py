@@ -1,4 +1,4 @@
-"""Confidence intervals, and tests of whether two numbers differ.
+"""95 % confidence intervals, and tests of whether two numbers differ.
 
 Proportions get exact or score methods, which hold at 0 and 1 and for few episodes; means get the bootstrap and
 permutation tests, which assume no distribution. Everything random takes a generator.
@@ -17,23 +17,25 @@ from aerial_il.core.errors import InvalidValueError
 
 
 class Interval(NamedTuple):
-    """A confidence interval; both ends are NaN where there is nothing to estimate from."""
+    """A 95 % confidence interval; both ends are NaN where there is nothing to estimate from."""
 
     lo: float
     hi: float
 
 
 NO_INTERVAL = Interval(math.nan, math.nan)
+LEVEL = 0.95  # of confidence, of all intervals
+Z = float(stats.norm.ppf((1 + LEVEL) / 2))
 RELABELLINGS = 9999  # of a permutation test
+MACRO_RESAMPLES = 4000
 
 
-def wilson(count: int, total: int, *, level: float = 0.95) -> Interval:
+def wilson(count: int, total: int) -> Interval:
     """Return Wilson's score interval for a proportion.
 
     Args:
         count: successes, in [0, total].
         total: trials.
-        level: confidence level in (0, 1).
 
     Returns:
         The interval within [0, 1]; its ends are 0 and 1 exactly where no success or no failure was seen.
@@ -43,22 +45,18 @@ def wilson(count: int, total: int, *, level: float = 0.95) -> Interval:
     """
     if not 0 <= count <= total:
         raise InvalidValueError(f"A count of {count} successes lies outside [0, {total}], the number of trials.")
-    _quantile(level)  # refuses levels outside (0, 1)
     if total == 0:
         return NO_INTERVAL
-    interval = stats.binomtest(int(count), int(total)).proportion_ci(level, method="wilson")
+    interval = stats.binomtest(int(count), int(total)).proportion_ci(LEVEL, method="wilson")
     return Interval(float(interval.low), float(interval.high))
 
 
-def bootstrap_mean(
-    values: np.ndarray, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 2000
-) -> Interval:
+def bootstrap_mean(values: np.ndarray, *, rng: np.random.Generator, resamples: int = 2000) -> Interval:
     """Return the percentile bootstrap interval of a mean.
 
     Args:
         values: (N,) independent observations.
         rng: source of the resamples.
-        level: confidence level in (0, 1).
         resamples: number of resampled means.
 
     Returns:
@@ -70,17 +68,15 @@ def bootstrap_mean(
     values = _finite(values)
     if values.size < 2:  # the library refuses one observation: its resamples are all the same
         return Interval(float(values[0]), float(values[0])) if values.size else NO_INTERVAL
-    return _bootstrap((values,), np.mean, rng=rng, level=level, resamples=resamples)
+    return _bootstrap((values,), np.mean, rng=rng, resamples=resamples)
 
 
-def bootstrap_difference(
-    a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 2000
-) -> Interval:
+def bootstrap_difference(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, resamples: int = 2000) -> Interval:
     """Return the percentile bootstrap interval of the difference ``b - a`` of the means of independent samples.
 
     Args:
         a: (N,) and b: (M,) observations. rng: source of the resamples.
-        level: confidence level in (0, 1). resamples: number of resampled differences.
+        resamples: number of resampled differences.
 
     Returns:
         The interval; NaN where either has fewer than two observations, which say nothing of their spread.
@@ -91,30 +87,26 @@ def bootstrap_difference(
     a, b = _finite(a), _finite(b)
     if min(a.size, b.size) < 2:
         return NO_INTERVAL
-    return _bootstrap((a, b), _difference_of_means, rng=rng, level=level, resamples=resamples)
+    return _bootstrap((a, b), _difference_of_means, rng=rng, resamples=resamples)
 
 
-def t_interval(values: np.ndarray, *, level: float = 0.95) -> Interval:
+def t_interval(values: np.ndarray) -> Interval:
     """Return Student's interval of a mean of few independent observations, e.g. one number of each training.
 
     Args:
         values: (N,) independent observations, taken as normal.
-        level: confidence level in (0, 1).
 
     Returns:
         The interval; NaN for fewer than two observations, which say nothing of their spread.
     """
     values = _finite(values)
-    _quantile(level)  # refuses levels outside (0, 1)
     if values.size < 2:
         return NO_INTERVAL
-    half = stats.t.ppf((1 + level) / 2, values.size - 1) * values.std(ddof=1) / math.sqrt(values.size)
+    half = stats.t.ppf((1 + LEVEL) / 2, values.size - 1) * values.std(ddof=1) / math.sqrt(values.size)
     return Interval(float(values.mean() - half), float(values.mean() + half))
 
 
-def bootstrap_macro(
-    counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator, level: float = 0.95, resamples: int = 4000
-) -> Interval:
+def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.random.Generator) -> Interval:
     """Return the interval of a mean success rate over tasks, each flown by policies of one or several training seeds.
 
     Training seeds are resampled within each task, then the episodes of each; with one seed the episodes alone, so that
@@ -124,24 +116,22 @@ def bootstrap_macro(
         counts: for each task the successes of each training seed.
         total: episodes that each of them flew.
         rng: source of the resamples.
-        level: confidence level in (0, 1).
-        resamples: number of resampled means.
 
     Source:
         B. Efron and R. Tibshirani, "An introduction to the bootstrap", 1993, section 8.3 (several levels of sampling).
     """
     if total < 1 or not counts or not all(counts):
         return NO_INTERVAL
-    means = np.zeros(resamples)
+    means = np.zeros(MACRO_RESAMPLES)
     for seeds in counts:
-        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(resamples, len(seeds)))]
+        chosen = np.asarray(seeds)[rng.integers(len(seeds), size=(MACRO_RESAMPLES, len(seeds)))]
         means += rng.binomial(total, chosen / total).mean(axis=1) / (total * len(counts))
-    tail = (1 - level) / 2
+    tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))
 
 
-def newcombe(count_a: int, total_a: int, count_b: int, total_b: int, *, level: float = 0.95) -> Interval:
+def newcombe(count_a: int, total_a: int, count_b: int, total_b: int) -> Interval:
     """Return the interval of the difference ``b - a`` of two independent proportions.
 
     Source:
@@ -151,19 +141,18 @@ def newcombe(count_a: int, total_a: int, count_b: int, total_b: int, *, level: f
     if total_a == 0 or total_b == 0:
         return NO_INTERVAL
     rate_a, rate_b = count_a / total_a, count_b / total_b
-    a, b = wilson(count_a, total_a, level=level), wilson(count_b, total_b, level=level)
+    a, b = wilson(count_a, total_a), wilson(count_b, total_b)
     below = math.hypot(rate_b - b.lo, a.hi - rate_a)
     above = math.hypot(b.hi - rate_b, rate_a - a.lo)
     return Interval(rate_b - rate_a - below, rate_b - rate_a + above)
 
 
-def paired_difference(only_a: int, only_b: int, total: int, *, level: float = 0.95) -> Interval:
+def paired_difference(only_a: int, only_b: int, total: int) -> Interval:
     """Return the interval of the difference ``b - a`` of two proportions seen on the same trials.
 
     Args:
         only_a, only_b: trials on which one succeeded and the other did not.
         total: all trials.
-        level: confidence level in (0, 1).
 
     Source:
         D. G. Bonett and R. M. Price, "Adjusted Wald confidence interval for a difference of binomial proportions
@@ -172,7 +161,7 @@ def paired_difference(only_a: int, only_b: int, total: int, *, level: float = 0.
     if total == 0:
         return NO_INTERVAL
     p_a, p_b = (only_a + 1) / (total + 2), (only_b + 1) / (total + 2)
-    half = _quantile(level) * math.sqrt((p_a + p_b - (p_b - p_a) ** 2) / (total + 2))
+    half = Z * math.sqrt((p_a + p_b - (p_b - p_a) ** 2) / (total + 2))
     return Interval(max(-1.0, p_b - p_a - half), min(1.0, p_b - p_a + half))
 
 
@@ -213,13 +202,7 @@ def permutation_test(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return math.nan
     if min(a.size, b.size) == 1:
         return 1.0
-
-    def difference(x: np.ndarray, y: np.ndarray, axis: int) -> np.ndarray:
-        return np.mean(x, axis=axis) - np.mean(y, axis=axis)
-
-    batch = _batch(a.size + b.size)
-    test = stats.permutation_test((a, b), difference, vectorized=True, n_resamples=resamples, batch=batch, rng=rng)
-    return float(test.pvalue)
+    return _permuted((a, b), _difference_of_means, "independent", rng=rng, resamples=resamples)
 
 
 def paired_permutation_test(
@@ -232,22 +215,12 @@ def paired_permutation_test(
     differences = _finite(differences)
     if differences.size < 2:
         return 1.0 if differences.size else math.nan
-    batch = _batch(differences.size)
-    test = stats.permutation_test(
-        (differences,),
-        np.mean,
-        permutation_type="samples",
-        vectorized=True,
-        n_resamples=resamples,
-        batch=batch,
-        rng=rng,
-    )
-    return float(test.pvalue)
+    return _permuted((differences,), np.mean, "samples", rng=rng, resamples=resamples)
 
 
-def smallest_p(resamples: int = RELABELLINGS) -> float:
+def smallest_p() -> float:
     """Return the least two-sided p-value that random relabellings can give: none was as extreme, on either side."""
-    return 2 / (resamples + 1)
+    return 2 / (RELABELLINGS + 1)
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
@@ -266,15 +239,26 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def _bootstrap(
-    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], *, rng: np.random.Generator, level: float,
-    resamples: int,
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], *, rng: np.random.Generator, resamples: int
 ) -> Interval:  # fmt: skip
     """Return the percentile interval of a statistic of one or several independent samples."""
     batch = _batch(sum(sample.size for sample in samples))
     drawn = stats.bootstrap(
-        samples, statistic, n_resamples=resamples, batch=batch, confidence_level=level, method="percentile", rng=rng
+        samples, statistic, n_resamples=resamples, batch=batch, confidence_level=LEVEL, method="percentile", rng=rng
     )
     return Interval(float(drawn.confidence_interval.low), float(drawn.confidence_interval.high))
+
+
+def _permuted(
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], kind: str, *, rng: np.random.Generator,
+    resamples: int,
+) -> float:  # fmt: skip
+    """Return the two-sided p-value of a statistic of one or several samples under permutations of a kind."""
+    batch = _batch(sum(sample.size for sample in samples))
+    test = stats.permutation_test(
+        samples, statistic, permutation_type=kind, vectorized=True, n_resamples=resamples, batch=batch, rng=rng
+    )
+    return float(test.pvalue)
 
 
 def _batch(size: int) -> int:
@@ -291,9 +275,3 @@ def _finite(values: np.ndarray) -> np.ndarray:
     if not np.all(np.isfinite(values)):
         raise InvalidValueError(f"Observation {int(np.argmin(np.isfinite(values)))} of {values.size} is not finite.")
     return values
-
-
-def _quantile(level: float) -> float:
-    if not 0 < level < 1:
-        raise InvalidValueError(f"Confidence level {level} lies outside (0, 1); 0.95 is the default.")
-    return float(stats.norm.ppf((1 + level) / 2))

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.bounded import read_json, read_yaml
+from aerial_il.core.composition import dotted
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
@@ -115,7 +116,7 @@ class TrainingRun:
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Dotted settings -> values, without those that a seed changes."""
-        return {key: value for key, value in _dotted(self.config).items() if key not in BY_CHANCE}
+        return {key: value for key, value in dotted(self.config).items() if key not in BY_CHANCE}
 
 
 def rollouts_of(rows: Sequence[Mapping[str, Any]]) -> list[Rollouts]:
@@ -173,9 +174,3 @@ def _json(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError(f"{path.name} is not a JSON object")
     return content
-
-
-def _dotted(tree: Any, prefix: str = "") -> dict[str, Any]:
-    if not isinstance(tree, Mapping) or not tree:
-        return {prefix.rstrip("."): tree}
-    return {key: leaf for name, value in tree.items() for key, leaf in _dotted(value, f"{prefix}{name}.").items()}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from aerial_il.core import registry
 from aerial_il.core.errors import AerialError, CheckpointError, InvalidValueError
+from aerial_il.core.renamed import moved
 
 if TYPE_CHECKING:
     from aerial_il.core.checkpoint import Checkpoint
@@ -51,6 +52,7 @@ def load_policy(path: str | os.PathLike[str]) -> ChunkPolicy:
 
 def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     """Return the policy that was saved, beside its prior where it has one."""
+    from aerial_il.core.checkpoint import Checkpoint
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
     from aerial_il.policies.parts.gated import GATE, GatedPolicy
     from aerial_il.policies.parts.residual import RESIDUAL, ResidualPolicy
@@ -59,10 +61,14 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
         return ResidualPolicy.around(saved, _rebuilt)
 
     kind = get(saved.config["policy"])
-    settings = saved.config["settings"]
+    known = [each.name for each in fields(kind)]
+    settings = {
+        name if name in known else moved(name, known) or name: v for name, v in saved.config["settings"].items()
+    }
     if unsaid := [each.name for each in fields(kind) if each.init and each.name not in settings]:
         raise InvalidValueError(f"saved by another release, it does not say {', '.join(unsaid)}; train it again")
-    policy = ChunkPolicy.from_checkpoint(saved, kind(**settings))
+    arrays = {name.replace(".worth.", ".value."): array for name, array in saved.arrays.items()}  # as it was called
+    policy = ChunkPolicy.from_checkpoint(Checkpoint(arrays, saved.state, saved.config), kind(**settings))
     return GatedPolicy.around(policy, saved, _rebuilt) if GATE in saved.config else policy
 
 

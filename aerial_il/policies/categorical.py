@@ -47,7 +47,7 @@ class Categorical(PolicySettings):
     anchor: str | None = None
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ()
+    masked_fields: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64
@@ -82,7 +82,7 @@ class CategoricalNetwork(StochasticNetwork):
         layers = [part for a, b in pairwise(widths) for part in (nn.Linear(a, b), ACTIVATIONS[config.activation]())]
         self.trunk = nn.Sequential(nn.Flatten(), *layers)
         self.advantages = nn.Linear(widths[-1], config.chunk * len(table))
-        self.worth = nn.Linear(widths[-1], config.chunk) if config.dueling else None
+        self.value = nn.Linear(widths[-1], config.chunk) if config.dueling else None
         self.shape = (config.chunk, len(table))
         with torch.no_grad():
             self.advantages.weight.mul_(0.1)  # a first policy that is nearly uniform
@@ -91,9 +91,9 @@ class CategoricalNetwork(StochasticNetwork):
         """Return scores (B, Ta, K) for ``obs`` (B, To, Do)."""
         hidden = self.trunk(obs)
         scores = self.advantages(hidden).unflatten(-1, self.shape)
-        if self.worth is None:
+        if self.value is None:
             return scores
-        return self.worth(hidden)[..., None] + scores - scores.mean(-1, keepdim=True)
+        return self.value(hidden)[..., None] + scores - scores.mean(-1, keepdim=True)
 
     def forward(self, obs: Tensor) -> Tensor:
         return self.table[self.scores(obs).argmax(-1)]

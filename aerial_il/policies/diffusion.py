@@ -65,7 +65,7 @@ class Diffusion(PolicySettings):
     anchor: str | None = "ee_pos"
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    masked_fields: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64
@@ -112,19 +112,19 @@ class DiffusionNetwork(ChunkNetwork):
         step = torch.randint(1, self.config.noise_steps + 1, (len(obs), 1), device=obs.device)
         kept = self.get_buffer("kept")[step]
         noisy = kept.sqrt() * actions.flatten(1) + (1 - kept).sqrt() * noise.flatten(1)
-        found = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
-        return functional.mse_loss(found, self._target(actions.flatten(1), noise.flatten(1), kept)), {}
+        answer = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
+        return functional.mse_loss(answer, self._target(actions.flatten(1), noise.flatten(1), kept)), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
         noise = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
         x, *later = noise.split(self.columns, -1)
         seen, limit = self.denoiser.see(obs.flatten(1)), self.config.clip
         for i, (time, kept, kept_next) in enumerate(self._path):
-            found = self.denoiser(x, obs.new_full((1, 1), time), seen)
-            clean = self._clean(x, found, kept).clamp(-limit, limit)
-            found = (x - kept**0.5 * clean) / (1 - kept) ** 0.5
+            answer = self.denoiser(x, obs.new_full((1, 1), time), seen)
+            clean = self._clean(x, answer, kept).clamp(-limit, limit)
+            removed = (x - kept**0.5 * clean) / (1 - kept) ** 0.5
             spread = (1 - kept_next) / (1 - kept) * (1 - kept / kept_next) if later else 0.0
-            x = kept_next**0.5 * clean + max(0.0, 1 - kept_next - spread) ** 0.5 * found
+            x = kept_next**0.5 * clean + max(0.0, 1 - kept_next - spread) ** 0.5 * removed
             x = x + spread**0.5 * later[i] if i < len(later) else x
         return x.unflatten(-1, self.shape)
 
@@ -138,15 +138,15 @@ class DiffusionNetwork(ChunkNetwork):
             case "velocity":
                 return kept.sqrt() * noise - (1 - kept).sqrt() * actions
 
-    def _clean(self, x: Tensor, found: Tensor, kept: float) -> Tensor:
-        """Return the actions (B, C) that belong to the network's answer ``found`` for ``x``."""
+    def _clean(self, x: Tensor, answer: Tensor, kept: float) -> Tensor:
+        """Return the actions (B, C) that belong to the network's ``answer`` for ``x``."""
         match self.config.predict:
             case "noise":
-                return (x - (1 - kept) ** 0.5 * found) / kept**0.5
+                return (x - (1 - kept) ** 0.5 * answer) / kept**0.5
             case "sample":
-                return found
+                return answer
             case "velocity":
-                return kept**0.5 * x - (1 - kept) ** 0.5 * found
+                return kept**0.5 * x - (1 - kept) ** 0.5 * answer
 
     def _descent(self) -> list[tuple[float, float, float]]:
         """Return time, and what is kept of the signal there and one step on, from the noisiest step down to 0."""

@@ -55,7 +55,7 @@ class Flow(PolicySettings):
     anchor: str | None = "ee_pos"
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    masked_fields: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64
@@ -91,15 +91,15 @@ class FlowNetwork(ChunkNetwork):
         actions = hold_last(actions, valid)
         noise, time = torch.randn_like(actions), some_times(obs)
         place = (1 - time) * noise.flatten(1) + time * actions.flatten(1)
-        found = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
-        return functional.mse_loss(found, actions if self.config.predict == "sample" else actions - noise), {}
+        answer = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
+        return functional.mse_loss(answer, actions if self.config.predict == "sample" else actions - noise), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
         x = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
         seen, steps = self.denoiser.see(obs.flatten(1)), self.config.euler_steps
         for i in range(steps):
-            found = self.denoiser(x, obs.new_full((1, 1), i / steps), seen)
-            x = x + ((found - x) / (steps - i) if self.config.predict == "sample" else found / steps)
+            answer = self.denoiser(x, obs.new_full((1, 1), i / steps), seen)
+            x = x + ((answer - x) / (steps - i) if self.config.predict == "sample" else answer / steps)
         return x.clamp(-self.config.clip, self.config.clip).unflatten(-1, self.shape)
 
 

@@ -49,7 +49,7 @@ class LerobotACT(PolicySettings):
     anchor: str | None = "ee_pos"
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    masked_fields: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64

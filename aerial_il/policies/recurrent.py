@@ -51,7 +51,7 @@ class Recurrent(PolicySettings):
     anchor: str | None = "ee_pos"
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ("gripper", "wrist_force")
+    masked_fields: tuple[str, ...] = ("gripper", "wrist_force")
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64

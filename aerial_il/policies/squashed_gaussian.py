@@ -48,7 +48,7 @@ class SquashedGaussian(PolicySettings):
     anchor: str | None = None
     relative: bool = False
     obs_names: tuple[str, ...] = ()
-    blind_to: tuple[str, ...] = ()
+    masked_fields: tuple[str, ...] = ()
     images: tuple[str, ...] = ()
     encoder: Encoder = "cnn"
     image_features: int = 64

@@ -83,5 +83,5 @@ def _legend(figure: Figure, axes: Axes) -> None:
 def svg_text(figure: Figure) -> str:
     """Return a figure as the text of an SVG file, without the time at which it was drawn."""
     buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Title": "aerial_il"})
     return "\n".join(line.rstrip() for line in buffer.getvalue().splitlines()) + "\n"

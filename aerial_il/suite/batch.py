@@ -61,6 +61,9 @@ class BatchEnvironment:
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
         self._images = {r.key: np.zeros((num_envs, *r.shape), r.dtype) for r in scenario.camera_requests}
 
+    def __repr__(self) -> str:
+        return f"BatchEnvironment({self.scenario}, {self.num_envs} worlds)"
+
     @property
     def spec(self) -> EnvSpec:
         return self.scenario.spec

@@ -92,6 +92,9 @@ class AerialEnvironment(control.Environment):
         self._suite_task = SuiteTask(self.simulation, seed)
         super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)
 
+    def __repr__(self) -> str:
+        return f"AerialEnvironment({self.scenario})"
+
     @property
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""

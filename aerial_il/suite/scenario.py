@@ -67,6 +67,9 @@ class Scenario:
             hint = f"{self.task_name} has a time limit of {limit} steps."
             raise InvalidValueError(f"horizon is {self.horizon}; it must lie in [1, {limit}]: {hint}")
 
+    def __str__(self) -> str:
+        return f"{self.robot_name}/{self.task_name}, {self.tier_name}, {self.level.label}"
+
     @property
     def robot(self) -> Robot:
         return robots.get(self.robot_name)

@@ -72,7 +72,7 @@ async def fly(
     await server.start()
     film = Film(env.model, CAMERAS, site.size, server.deliver)
     flight = Loop(cockpit, inbox, film.show, server.report)
-    server.flight, server.film = flight, film
+    server.flight, server.film, film.watched = flight, film, False
     attached = [
         Attached(name, driver, inbox.note, lost=flight.leave, back=lambda name: flight.tell(f"{name} is back."))
         for name, driver in (drivers or {}).items()

@@ -67,7 +67,7 @@ class PageOperator:
         texts = about(env, bindings, operator, site)
         self.server = Server(self._inbox, texts, host=site.host, port=site.port, tls=site.tls)
         self._film = Film(env.model, CAMERAS, site.size, self.server.deliver)
-        self.server.film = self._film
+        self.server.film, self._film.watched = self._film, False
         self._events = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._events.run_forever, name="page", daemon=True)
 

@@ -71,23 +71,19 @@ def catalogue() -> Catalogue:
     from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
+    pairs = [(robot, task) for robot in robots.names() for task in tasks.names() if (robot, task) not in cells]
+    reasons = [tasks.get(task).infeasibility(robots.get(robot)) for robot, task in pairs]
+    laws = {name: registry.get("controller", name) for name in registry.names("controller")}
     return {
         "robots": [_robot_row(robots.get(name), cells) for name in robots.names()],
         "tasks": [_task_row(tasks.get(name), cells) for name in tasks.names()],
         "cells": [{"robot": robot, "task": task} for robot, task in cells],
-        "declined": [
-            _declined_row(robot, task)
-            for robot in robots.names()
-            for task in tasks.names()
-            if (robot, task) not in cells
-        ],
+        "declined": [{"robot": r, "task": t, "reason": why} for (r, t), why in zip(pairs, reasons, strict=True)],
         "tiers": [_tier_row(tiers.get(name)) for name in tiers.names()],
         "tier_components": [_component_row(name, tiers.standard(name)) for name in tiers.components()],
         "sensors": [_sensor_row(name) for name in registry.names("sensor")],
         "action_levels": [{"name": level.label} for level in ActionLevel],
-        "controllers": [
-            {"name": name, "summary": registry.get("controller", name).summary} for name in registry.names("controller")
-        ],
+        "controllers": [{"name": name, "summary": law.summary} for name, law in laws.items()],
         "policies": [{"name": name} for name in policies.names()],
         "algorithms": [{"name": name} for name in algorithms.names()],
     }
@@ -113,8 +109,8 @@ def _sensor_row(name: str) -> dict[str, Any]:
     from aerial_il.suite import sensors
 
     shown = ((each, fields) for robot in robots.names() for each, _, fields in sensors.of(robots.get(robot)))
-    found = next((fields for each, fields in shown if each == name), ())
-    return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in found]}
+    known = next((fields for each, fields in shown if each == name), ())
+    return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in known]}
 
 
 def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
@@ -125,13 +121,6 @@ def _task_row(task: Any, cells: tuple[tuple[str, str], ...]) -> dict[str, Any]:
         "robots": [robot for robot, name in cells if name == task.name],
         "instruction": task.instruction,
     }
-
-
-def _declined_row(robot: str, task: str) -> dict[str, Any]:
-    from aerial_il import robots
-    from aerial_il.suite import tasks
-
-    return {"robot": robot, "task": task, "reason": tasks.get(task).infeasibility(robots.get(robot))}
 
 
 def _tier_row(tier: Any) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -171,11 +172,8 @@ def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_w
     from aerial_il.workflows.parts.watching import watched
 
     seeds = range(settings.seed, settings.seed + settings.episodes)
-    try:
-        with watched(env, settings.threads, wanted=settings.rerun) as seen:
-            fly(
-                seen, policy, seeds, settings.out,
-                policy_name=name, settings=flown_with, mix=settings.mix, progress=settings.progress,
-            )  # fmt: skip
-    finally:
-        env.close()
+    with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
+        fly(
+            seen, policy, seeds, settings.out,
+            policy_name=name, settings=flown_with, mix=settings.mix, progress=settings.progress,
+        )  # fmt: skip

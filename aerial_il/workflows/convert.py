@@ -9,8 +9,13 @@ from pathlib import Path
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.places import claim_file, claim_folder
+from aerial_il.workflows.parts.reading import Reading
 
 log = logging.getLogger(__name__)
+FOLDERS = {  # forms that are folders -> all that lies in one
+    "lerobot": ("meta/**/*", "data/**/*", "videos/**/*"), "minari": ("data/*",), "mcap": ("*.mcap",),
+}  # fmt: skip
 VIEWS = {"rrd": ((".rrd",), "flights.rrd"), "mcap": ((".mcap", ""), "mcap")}  # to be looked at; not read again
 FIRST = ("lerobot", "robomimic")  # of several formats of an ending
 
@@ -23,7 +28,7 @@ def forms() -> dict[str, tuple[tuple[str, ...], str]]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Convert:
+class Convert(Reading):
     """What is converted, and into what.
 
     Attributes:
@@ -73,12 +78,11 @@ def convert(settings: Convert) -> Path:
 
 def _to_format(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.suite.faces.gymnasium_ids import known_spec
 
     out, form = _own_place(settings), registry.module("format", settings.form)
     names = [] if not getattr(form, "PICTURES", True) else settings.images
-    dataset = open_dataset(settings.path, cameras=names)
+    dataset = settings.open(settings.path, cameras=names)
     spec = dataset.spec
     recorded = [field.name for field in spec.observation.of_group("image")]
     for name in names if isinstance(names, list) else ():
@@ -103,11 +107,10 @@ def _to_rerun(settings: Convert) -> Path:
 
 def _to_views(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import open_dataset
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    out, dataset = _own_place(settings), open_dataset(settings.path, cameras=settings.images)
+    out, dataset = _own_place(settings), settings.open(settings.path, cameras=settings.images)
     alone = out.suffix == ".mcap"
     if alone and len(dataset) > 1:
         folder = out.with_suffix("")
@@ -121,4 +124,8 @@ def _to_views(settings: Convert) -> Path:
 def _own_place(settings: Convert) -> Path:
     if settings.out is None and Path(settings.path).is_file():
         raise InvalidValueError(f"{settings.path} is one file: say where its other form goes, out=NAME.")
-    return Path(settings.out or Path(settings.path) / "derived" / forms()[settings.form][1])
+    out = Path(settings.out or Path(settings.path) / "derived" / forms()[settings.form][1])
+    parts = FOLDERS.get(settings.form, ())
+    if not parts or (settings.form, out.suffix) == ("mcap", ".mcap"):
+        return claim_file(out)
+    return claim_folder(out, parts, parts)

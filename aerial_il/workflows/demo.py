@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from aerial_il.core.places import claim_folder
 from aerial_il.workflows.collect import Collect, Expert, collect
 from aerial_il.workflows.convert import Convert, convert
 from aerial_il.workflows.evaluate import Evaluate, evaluate
@@ -14,7 +15,7 @@ from aerial_il.workflows.report import Report, report
 from aerial_il.workflows.spelling import command_line, words_of
 from aerial_il.workflows.train import Dataset, Train, train
 
-QUIET = ("progress", "overwrite")  # what a stage is told besides, which no line need say
+QUIET = ("progress", "overwrite")  # set by the demo itself, and left out of the printed commands
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,6 +67,7 @@ class Stage:
 
 def stages(settings: Demo) -> Iterator[Stage]:
     """Yield the stages in their order; each is to be done before the next is asked for."""
+    claim_folder(settings.out, ("dataset/recordings.jsonl", "dataset/demos/*"))
     flight, derived, training, judged, page = _settings(settings)
     lerobot = Path(settings.out) / "dataset" / "derived" / "lerobot"
     yield Stage("Fly and record", _line("collect", flight), lambda: f"Dataset: {collect(flight)}")
@@ -101,25 +103,5 @@ def _line(name: str, settings: object) -> str:
 
 
 def _judge(settings: Evaluate) -> str:
-    if _is_current(settings):
-        return f"Result: {settings.out}/evaluation.json"
     done = evaluate(settings)
     return f"{done.pilot.robot} {done.pilot.task} {done.tier}: success {done.result.headline()}"
-
-
-def _is_current(settings: Evaluate) -> bool:
-    """Whether this very evaluation of this very policy lies there, with its page."""
-    from aerial_il.core.checkpoint import digest
-    from aerial_il.core.errors import InvalidValueError
-    from aerial_il.evaluation.result import load_result
-    from aerial_il.policies import load_policy
-
-    try:
-        result = load_result(settings.out)
-    except InvalidValueError:
-        return False
-    wanted = list(range(settings.seed, settings.seed + settings.episodes))
-    same_policy = result.provenance.get("policy_sha256") == digest(load_policy(settings.policy).to_checkpoint())
-    flown = (result.tier, result.provenance.get("environment", {}).get("controller"), result.seeds)
-    same_flights = flown == (settings.tier, settings.controller, wanted)
-    return (Path(settings.out) / "report.html").exists() and same_policy and same_flights

@@ -6,6 +6,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from aerial_il.core.places import claim_folder
+
 NOWHERE = ("null", "false", "")  # a path is taken as it stands, these words too
 FRAMES_OF = "fa_hexa_arm4"  # whose picture shows the frames
 
@@ -37,6 +39,7 @@ class Docs:
 def pages(settings: Docs) -> Iterator[Path]:
     """Write the pages of robots and tasks where they are wanted, and yield their files."""
     if settings.out:
+        claim_folder(settings.out, ("index.md", "robots/README.md"))
         yield from write_pages(settings.out, films=settings.films)
 
 
@@ -44,7 +47,10 @@ def site(settings: Docs, reference: Mapping[str, str]) -> Path | None:
     """Build the site where it is wanted, with the pages of ``reference``, and return its first page."""
     from aerial_il.presentation.documentation.site import build
 
-    return build(settings.site, reference, strict=settings.strict, quiet=True) if settings.site else None
+    if not settings.site:
+        return None
+    claim_folder(settings.site, ("objects.inv",), key="site")
+    return build(settings.site, reference, strict=settings.strict, quiet=True)
 
 
 def write_pages(folder: str, *, films: bool) -> list[Path]:

@@ -29,23 +29,23 @@ def findings() -> dict[str, Any]:
     }
 
 
-def advice(found: dict[str, Any]) -> dict[str, str]:
+def advice(result: dict[str, Any]) -> dict[str, str]:
     """Return finding -> what it means here and what to do, of those that are not as they could be."""
     from aerial_il.core.rendering import BACKENDS, PACKAGES
 
-    rendering, notes = found["rendering"], {}
+    rendering, notes = result["rendering"], {}
     if all(rendering[backend] != "works" for backend in BACKENDS):
         notes["rendering"] = f"Cameras and videos are off. To have them: sudo apt-get install -y {PACKAGES}; make setup"
     elif rendering["chosen"] in BACKENDS and rendering[rendering["chosen"]] != "works":
         notes["rendering"] = f"MUJOCO_GL={rendering['chosen']} does not work, another does: unset it, or make setup"
-    if missing := [name for name in PACKAGES_NEEDED if name not in found["packages"]]:
+    if missing := [name for name in PACKAGES_NEEDED if name not in result["packages"]]:
         notes["packages"] = f"{', '.join(missing)} is not installed: make setup"
-    if found["git"] and found["git"]["dirty"]:
+    if result["git"] and result["git"]["dirty"]:
         notes["git"] = "Files differ from the commit that recordings and results will name: commit before a study."
-    if found["free_disk_gb"] < LITTLE_DISK_GB:
+    if result["free_disk_gb"] < LITTLE_DISK_GB:
         notes["free_disk_gb"] = "Little is left. What meets a full disk says so, and the same command goes on later."
-    if (found["cpu_count"] or 1) < 2:
+    if (result["cpu_count"] or 1) < 2:
         notes["cpu_count"] = "One core: all works, at half the speed that these pages give, or less."
-    if not found["platform"].startswith("Linux"):
+    if not result["platform"].startswith("Linux"):
         notes["platform"] = "Only Linux has been tried."
     return notes

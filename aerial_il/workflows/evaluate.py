@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
 
 if TYPE_CHECKING:
@@ -80,6 +82,25 @@ class Evaluated:
     written: Written | None
 
 
+def runs_of(settings: Evaluate) -> list[Evaluate]:
+    """Return the settings for each run where ``policy`` is the folder of a sweep, else these alone.
+
+    Raises:
+        InvalidValueError: one of the runs is not finished.
+    """
+    from aerial_il.evaluation.training_run import find_runs
+    from aerial_il.policies import FINAL
+
+    place = Path(settings.policy)
+    runs = find_runs(place) if place.is_dir() and not (place / FINAL).is_dir() else []
+    if not runs or runs == [place]:
+        return [settings]
+    if waiting := [run.name for run in runs if not (run / FINAL).is_dir()]:
+        hint = f"Finish them with the command that began them, or name one run: policy={place}/NAME"
+        raise InvalidValueError(f"policy={place} is a sweep in which {', '.join(waiting)} did not finish. {hint}")
+    return [replace(settings, policy=str(run), out=str(Path(settings.out) / run.name)) for run in runs]
+
+
 def evaluate(settings: Evaluate) -> Evaluated:
     """Fly what is not flown yet, and write what comes of it.
 
@@ -100,11 +121,8 @@ def evaluate(settings: Evaluate) -> Evaluated:
     seeds = range(settings.seed, settings.seed + settings.episodes)
     worlds = min(settings.num_envs, len(seeds))
     env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
-    try:
-        with watched(env, settings.threads, wanted=settings.rerun) as seen:
-            result, written = _judged(settings, pilot, seen, seeds)
-    finally:
-        env.close()
+    with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
+        result, written = _judged(settings, pilot, seen, seeds)
     return Evaluated(result, pilot, env.spec.tier if pilot.reference.env else settings.tier, written)
 
 
@@ -121,12 +139,12 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
-    journal.begin({**subject, CALLED: name})
+    journal.start({**subject, CALLED: name})
     command = {"command": _command(settings, pilot)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
     )
-    written = results.save(result, Path(settings.out), env=env, videos=settings.videos)
+    written = results.save(result, Path(settings.out), env=env, videos=settings.videos, progress=settings.progress)
     journal.close()
     return result, written
 

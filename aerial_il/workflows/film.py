@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_file
 from aerial_il.workflows.parts.names import at_least
 
 FLIGHTS = [
@@ -63,6 +64,7 @@ def film(settings: Film) -> Path:
     from aerial_il.presentation.films.side_by_side import Look, write_side_by_side
     from aerial_il.workflows.parts.pilots import expert_flight
 
+    claim_file(settings.out)
     require_rendering(f"out={settings.out}")
     kind = Path(settings.out).suffix
     height, width = settings.size or SIZES[kind]

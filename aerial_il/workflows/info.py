@@ -4,14 +4,23 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from aerial_il.workflows.parts.reading import Reading
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
+DESCRIBED = ("uid", *MADE_BY, "seed", "steps", "seconds", "success", "return")
+CACHE = Path("cache", "info.json")  # below a folder of recordings
+
+if TYPE_CHECKING:
+    from aerial_il.data.dataset import Dataset
 
 
 @dataclass(frozen=True, kw_only=True)
-class Info:
+class Info(Reading):
     """Which dataset.
 
     Attributes:
@@ -23,11 +32,36 @@ class Info:
 
 def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
-    from aerial_il.data.dataset import open_dataset
-
-    dataset = open_dataset(settings.path, failures=True, states=False)
-    episodes = [_episode(e) for e in dataset]
+    dataset = settings.open(settings.path, failures=True, states=False)
+    episodes = _episodes(dataset)
     return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
+
+
+def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
+    """Describe each episode; a recording that was described before, and has not changed since, is not read again."""
+    from aerial_il.core.files import write_json
+
+    cache, known = dataset.path / CACHE, _known(dataset.path / CACHE)
+    stamps = {uid: [(found := file.stat()).st_size, found.st_mtime_ns] for uid, file in dataset.files.items()}
+    rows = {uid: row for uid, (stamp, row) in known.items() if stamps.get(uid) == stamp}
+    if unknown := [uid for uid in dataset.uids if uid not in rows]:
+        rows |= {episode.uid: _episode(episode) for episode in dataset.only(unknown)}
+        if stamps and dataset.path.is_dir() and (known or not cache.exists()) and not cache.parent.is_symlink():
+            with suppress(OSError):  # somebody else's folder
+                cache.parent.mkdir(exist_ok=True)
+                write_json(cache, {uid: [stamp, rows[uid]] for uid, stamp in stamps.items() if uid in rows})
+    return [rows[uid] for uid in dataset.uids if uid in rows]
+
+
+def _known(cache: Path) -> dict[str, Any]:
+    """Return uid -> stamp of the file and what was said of it; nothing where the file is missing or none of ours."""
+    from aerial_il.core.bounded import read_json
+
+    try:
+        found = read_json(cache)
+        return {uid: (stamp, row) for uid, (stamp, row) in found.items() if row.keys() == {*DESCRIBED}}
+    except (OSError, ValueError, TypeError, AttributeError):
+        return {}
 
 
 def _composition(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_file
 from aerial_il.workflows.parts.names import Tier, at_least
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode
-    from aerial_il.presentation.rerun.chunks import Chunks
+    from aerial_il.evaluation.predictions import Prediction
     from aerial_il.presentation.rerun.file import FlightFile
     from aerial_il.presentation.rerun.flight import Flight
 
@@ -81,7 +84,9 @@ def inspect(settings: Inspect) -> Inspected:
     from aerial_il.presentation.rerun.program import program
 
     program()
-    target = Path(settings.save or f"{INSPECTIONS}/{_name(settings)}.rrd")
+    target = claim_file(settings.save or f"{INSPECTIONS}/{_name(settings)}.rrd", key="save")
+    if settings.screenshot:
+        claim_file(settings.screenshot, key="screenshot")
     notes, picture = _write(settings, target), None
     if settings.screenshot:
         from aerial_il.presentation.rerun import screenshot
@@ -98,12 +103,12 @@ def _write(settings: Inspect, target: Path) -> list[str]:
             return list(_compare(settings, settings.beside, file))
         notes = list[str]()
         for flight in _flights(settings, settings.path, settings.episode):
-            notes += _told(flight)
+            notes += _lines_of(flight)
             file.add({"": flight}, name=flight.episode.uid)
         return notes
 
 
-def _told(flight: Flight) -> list[str]:
+def _lines_of(flight: Flight) -> list[str]:
     episode = flight.episode
     end = "success" if episode.success else "no success"
     return [f"{episode.uid}: {len(episode)} steps, {end}", *(f"  {note}" for note in flight.notes)]
@@ -116,7 +121,7 @@ def _compare(settings: Inspect, beside: str, file: FlightFile) -> Iterator[str]:
     first = next(iter(_flights(settings, settings.path, settings.episode or 0)))
     second = next(iter(_flights(settings, beside, settings.episode or 0, like=first.episode)))
     for flight in (first, second):
-        yield from _told(flight)
+        yield from _lines_of(flight)
     aligned = align(first, second)
     yield f"Aligned by {aligned.by}: {', '.join(aligned.milestones) or 'they have no others in common'}."
     roots = _roots(settings.path, beside)
@@ -135,7 +140,6 @@ def _flights(settings: Inspect, source: str, index: int | None, like: Episode | 
         like: the flight beside it, whose cell an expert flies, and whose seed.
     """
     from aerial_il.presentation.rerun.flight import Flight
-    from aerial_il.presentation.rerun.sources import chosen, open_source
     from aerial_il.workflows.parts.scenes import SubtaskJudge
 
     with SubtaskJudge() as judge:
@@ -143,7 +147,7 @@ def _flights(settings: Inspect, source: str, index: int | None, like: Episode | 
         if source == "expert" or (Path(source) / METRICS).exists():
             episodes: Iterator[Episode] = _flown_now(source, settings.tier, settings.seed, like)
         else:
-            episodes = chosen(open_source(source), index, settings.most)
+            episodes = _chosen(source, index, settings.most)
         for episode in episodes:
             yield Flight.of(episode, judge(episode), predict(episode))
 
@@ -180,26 +184,32 @@ def _flown_now(source: str, tier: str, seed: int, like: Episode | None) -> Itera
     pilot = pilots.pilot(source, robot=cell[0], task=cell[1], action=cell[2])
     law = spec.controller if spec else pilots.DEFAULT_CONTROLLER
     env = pilot.environment(spec.tier if spec else tier, num_envs=1, threads=1, controller=law)
-    try:
-        with TemporaryDirectory() as folder:
-            first = like.seed if like is not None else seed
-            yield pilots.record(env, pilot.policy, first, Path(folder) / "flight.mcap", name=source)
-    finally:
-        env.close()
+    with closing(env), TemporaryDirectory() as folder:
+        first = like.seed if like is not None else seed
+        yield pilots.record(env, pilot.policy, first, Path(folder) / "flight.mcap", name=source)
 
 
-def _predictor(source: str | None) -> Callable[[Episode], Chunks | None]:
+def _chosen(source: str, index: int | None, most: int) -> Iterator[Episode]:
+    """Yield the episode of an index, negative from the end, or the first ``most`` of all, pictures included."""
+    from aerial_il.core.errors import DemoError
+    from aerial_il.data.dataset import open_dataset
+
+    dataset = open_dataset(Path(source), cameras=True, failures=True)
+    count = len(dataset)
+    if index is None:
+        yield from dataset.only(dataset.uids[:most])
+    elif -count <= index < count:
+        yield dataset[index]
+    else:
+        problem, hint = f"has no episode {index}.", f"List them with: aerial-il info {dataset.path}"
+        raise DemoError(dataset.path, problem, expected=f"0 to {count - 1}", got=index, hint=hint)
+
+
+def _predictor(source: str | None) -> Callable[[Episode], Prediction | None]:
     """Return what predicts actions along flights by the policy of a run; None of them without a run."""
     if source is None:
         return lambda episode: None
     from aerial_il.evaluation.predictions import predict
     from aerial_il.policies import load_policy
-    from aerial_il.presentation.rerun.chunks import Chunks
 
-    policy = load_policy(source)
-
-    def chunks(episode: Episode) -> Chunks:
-        found = predict(policy, episode)
-        return Chunks(found.predicted, found.starts)
-
-    return chunks
+    return partial(predict, load_policy(source))

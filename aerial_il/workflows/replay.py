@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import islice
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from aerial_il.workflows.parts.names import at_least
-
-if TYPE_CHECKING:
-    from aerial_il.core.specs import EnvSpec
-    from aerial_il.suite.batch import BatchEnvironment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,34 +47,20 @@ def replay(settings: Replay) -> Replayed:
     from aerial_il.data import replay as flights
     from aerial_il.data.dataset import open_dataset
     from aerial_il.suite.engine import ENGINE
+    from aerial_il.workflows.parts.environments import reference_of
 
     dataset = open_dataset(settings.path, failures=True)
-    count = min(len(dataset), settings.episodes or len(dataset))
-    env, spec, compared = None, None, 0
+    count, worlds = min(len(dataset), settings.episodes or len(dataset)), len(settings.starts)
+    spec, env, compared = None, cast(Any, None), 0
     shown = {"total": count, "desc": "replay", "unit": "ep", "disable": not settings.progress}
-    try:
+    with ExitStack() as stack:
         for episode in Progress(islice(dataset, count), **shown):
             path = f"{settings.path}: {episode.uid}"
             flights.check_engine(ENGINE, episode, path)
-            if env is None or episode.spec != spec:  # a dataset may hold several tiers, each in one piece
-                if env is not None:
-                    env.close()
-                spec, env = episode.spec, _environment_of(episode.spec, num_envs=len(settings.starts))
+            if episode.spec != spec:  # a dataset may hold several tiers, each in one piece
+                stack.close()
+                spec, images = episode.spec, [field.name for field in episode.spec.observation.of_group("image")]
+                env = stack.enter_context(closing(reference_of(spec, images=images).load(num_envs=worlds, threads=0)))
             starts = [start for start in settings.starts if start < len(episode)]
             compared += flights.replay(env, episode, starts=starts, path=path)
-    finally:
-        if env is not None:
-            env.close()
     return Replayed(count, compared)
-
-
-def _environment_of(spec: EnvSpec, *, num_envs: int) -> BatchEnvironment:
-    """Return a batch environment like the one that ``spec`` describes."""
-    from aerial_il.suite.batch import BatchEnvironment
-    from aerial_il.suite.scenario import Scenario
-
-    images = spec.observation.of_group("image")
-    cameras = tuple(":".join(field.name.rsplit("_", 1)) for field in images)
-    size = (images[0].shape[0], images[0].shape[1]) if images else (240, 320)
-    scenario = Scenario(spec.robot, spec.task, spec.tier, spec.action.level, cameras, size, spec.controller)
-    return BatchEnvironment(scenario, num_envs)

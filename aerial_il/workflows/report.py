@@ -53,7 +53,7 @@ def report(settings: Report) -> Path:
 
     if flown := [place for place in settings.result if _is_dataset(place)]:
         return _of_session(settings, flown)
-    runs = {place: [read_run(found) for found in find_runs(place)] for place in settings.result}
+    runs = {place: [read_run(folder) for folder in find_runs(place)] for place in settings.result}
     if len(runs) > 1 and (lacking := [place for place, each in runs.items() if not each]):
         why = (
             "holds no training run; evaluations are reported one at a time"

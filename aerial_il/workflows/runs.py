@@ -52,18 +52,18 @@ def runs(settings: Runs) -> Listed:
     from aerial_il.evaluation.run_collection import read_runs
     from aerial_il.workflows.parts.pruning import prune
 
-    found = read_runs(settings.folder)
-    found = found.where(parts(settings.where)) if settings.where else found
-    found = found.sorted_by(settings.sort) if settings.sort else found
-    page = _page(found) if settings.page else None
+    collection = read_runs(settings.folder)
+    collection = collection.where(parts(settings.where)) if settings.where else collection
+    collection = collection.sorted_by(settings.sort) if settings.sort else collection
+    page = _page(collection) if settings.page else None
     delete = settings.prune == "delete"
-    gone = [prune(run, found.folder, delete=delete) for run in found.runs] if settings.prune else []
-    return Listed(found, page, tuple(gone))
+    gone = [prune(run, collection.folder, delete=delete) for run in collection.runs] if settings.prune else []
+    return Listed(collection, page, tuple(gone))
 
 
-def _page(found: RunCollection) -> Path:
+def _page(collection: RunCollection) -> Path:
     from aerial_il.presentation.pages.run_report import write_runs_report
 
-    if not found.runs:
-        raise InvalidValueError(f"{found.folder} has no such run, so there is no page to write.")
-    return write_runs_report(found.folder / PAGE, found.runs, refused=found.refused)
+    if not collection.runs:
+        raise InvalidValueError(f"{collection.folder} has no such run, so there is no page to write.")
+    return write_runs_report(collection.folder / PAGE, collection.runs, refused=collection.refused)

@@ -9,7 +9,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-from aerial_il.core import composition, presets, registry, schema
+from aerial_il.core import presets, registry, schema
+from aerial_il.core.composition import chosen, dotted, plain
 
 _PLAIN = re.compile(r"(?!(?:true|false|null|inf|nan)$)[a-z_/][a-z0-9_/.\-]*", re.ASCII | re.IGNORECASE)
 _QUOTED = re.compile(r"'(?:\\.|[^'\\])*'|\"(?:\\.|[^\"\\])*\"", re.DOTALL)
@@ -32,18 +33,18 @@ def words_of(settings: Any, *, without: Collection[str] = ()) -> list[str]:
     Args:
         settings: a dataclass. without: keys that are left unsaid.
     """
-    found = list[str]()
+    words = list[str]()
     for key in schema.keys(type(settings)):
         if "." in key.name or key.name in without or key.takes == "preset":
             continue
         value = getattr(settings, key.name)
         if key.takes == "choice":
-            found += _choosing(key.name, key.kind, composition.chosen(key.kind, value), key.default)
+            words += _choosing(key.name, key.kind, chosen(key.kind, value), key.default)
         elif is_dataclass(value) and not isinstance(value, type):
-            found += _group(key.name, value)
+            words += _group(key.name, value)
         elif schema.shown(value) != key.default:
-            found.append(path(key.name, value) if isinstance(value, str) else f"{key.name}={typed(value)}")
-    return found
+            words.append(path(key.name, value) if isinstance(value, str) else f"{key.name}={typed(value)}")
+    return words
 
 
 def _choosing(key: str, kind: str, settings: Any, default: str) -> list[str]:
@@ -52,7 +53,7 @@ def _choosing(key: str, kind: str, settings: Any, default: str) -> list[str]:
     near = [name for name in presets.names(kind) if presets.read(kind, name).get("name", name) == own]
     ways = []
     for name in sorted({own, *near}, key=lambda each: each != default):
-        before, now = (flat(composition.plain(each)) for each in (composition.chosen(kind, name), settings))
+        before, now = (dotted(plain(each)) for each in (chosen(kind, name), settings))
         changes = [
             f"{key}.{k}={v if isinstance(v, str) else typed(v)}" for k, v in now.items() if before.get(k, ...) != v
         ]
@@ -62,16 +63,9 @@ def _choosing(key: str, kind: str, settings: Any, default: str) -> list[str]:
 
 def _group(key: str, group: Any) -> list[str]:
     """Return what a group of settings differs in; its path stands for the group."""
-    changes = flat({f.name: getattr(group, f.name) for f in fields(group) if getattr(group, f.name) != f.default})
+    own = {f.name: getattr(group, f.name) for f in fields(group)}
+    changes = {f.name: own[f.name] for f in fields(group) if own[f.name] != f.default}
     return [path(key, v) if k == "path" else f"{key}.{k}={typed(v)}" for k, v in changes.items()]
-
-
-def flat(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return dotted keys -> values of a nested mapping."""
-    leaves: dict[str, Any] = {}
-    for name, value in tree.items():
-        leaves |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return leaves
 
 
 def literal(text: str) -> str:
@@ -91,7 +85,7 @@ def parts(value: str) -> list[str]:
     """Return what stands between the commas of ``value``, those within quotes and brackets left alone."""
     blank = value
     for pattern in (_QUOTED, _BRACKETED):
-        blank = pattern.sub(lambda found: "_" * len(found[0]), blank)
+        blank = pattern.sub(lambda match: "_" * len(match[0]), blank)
     ends = [i for i, letter in enumerate(blank) if letter == ","]
     return [value[first:last] for first, last in zip([0, *(i + 1 for i in ends)], [*ends, len(value)], strict=True)]
 
@@ -109,8 +103,8 @@ def typed(value: Any) -> str:
 
 def _uninterpolated(text: str) -> str:
     """Return ``text`` such that OmegaConf does not take ``${...}`` within it for a reference."""
-    return re.sub(r"(\\*)\$\{", lambda found: f"{found[1] * 2}\\${{", text)
+    return re.sub(r"(\\*)\$\{", lambda match: f"{match[1] * 2}\\${{", text)
 
 
-def _guarded(found: re.Match[str]) -> str:
-    return found[1] * 2 + ("\\'" if found[2] else "")
+def _guarded(match: re.Match[str]) -> str:
+    return match[1] * 2 + ("\\'" if match[2] else "")

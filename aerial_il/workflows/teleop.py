@@ -184,14 +184,14 @@ def _kept(settings: Teleop, logbook: Logbook) -> Kept:
 
 def _hardware(words: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``."""
-    found: dict[str, dict[str, Any]] = {}
+    chosen: dict[str, dict[str, Any]] = {}
     for word in words:
         (name, _, value), problem = word.partition(":"), f"hardware={word}: write DEVICE.SETTING:VALUE"
         device, _, setting = name.partition(".")
         if not setting or not value:
             raise InvalidValueError(f"{problem}, e.g. hardware=[leader_arm.port:/dev/ttyACM0].")
-        found.setdefault(device, {})[setting] = int(value) if value.isdecimal() else value
-    return found
+        chosen.setdefault(device, {})[setting] = int(value) if value.isdecimal() else value
+    return chosen
 
 
 def _aboard(settings: Teleop) -> tuple[Policy | None, BatchEnvironment]:
@@ -203,8 +203,8 @@ def _aboard(settings: Teleop) -> tuple[Policy | None, BatchEnvironment]:
     if settings.policy is None:
         policy, where = None, EnvironmentReference(robot=robot or ROBOT, task=task or TASK, action=settings.action)
     else:
-        found = pilot(settings.policy, robot=robot, task=task, action=settings.action)
-        policy, where = found.policy, found.reference
+        aboard = pilot(settings.policy, robot=robot, task=task, action=settings.action)
+        policy, where = aboard.policy, aboard.reference
     return policy, where.load(num_envs=1, threads=1, tier=settings.tier, controller=settings.controller)
 
 

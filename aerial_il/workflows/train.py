@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from aerial_il.core.composition import build, chosen
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
+from aerial_il.workflows.parts.reading import Reading
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode
@@ -21,7 +22,7 @@ COMMAND = "command.json"  # in the run's folder: what leads to it
 
 
 @dataclass(frozen=True, kw_only=True)
-class Dataset:
+class Dataset(Reading):
     """Which demonstrations to learn from.
 
     Attributes:
@@ -121,7 +122,7 @@ def train(settings: Train) -> ChunkPolicy:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
     if dataset.path is not None:
-        algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand)
+        algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand, reading=dataset)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
     where = EnvironmentReference(options=given(success=settings.success, max_steps=settings.max_steps), **own)
     again = "collect" in algorithm.needs  # the demonstrations are recorded once more, beside what it flies
@@ -135,7 +136,7 @@ def train(settings: Train) -> ChunkPolicy:
     )
     resources = training_resources(
         algorithm, dataset.path, reference=where, images=policy.images, expert=settings.expert,
-        tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port,
+        tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port, reading=dataset,
     )  # fmt: skip
     kept = _command_kept(settings.run, dataset, lambda: command(settings))
     with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed:
@@ -169,10 +170,10 @@ def _demonstrations(
         return None
     if said := [*where.options, *(["horizon"] if where.horizon else [])]:
         raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
-    demonstrations.check_origin(path, where.expected)
-    demonstrations.warn_of_changes(path)
+    demonstrations.check_origin(path, where.expected, dataset)
+    demonstrations.warn_of_changes(path, dataset)
     return demonstrations.open_demonstrations(
-        path, limit=dataset.episodes, images=images, failures=failures, states=states
+        path, limit=dataset.episodes, images=images, failures=failures, states=states, reading=dataset
     )
 
 
@@ -182,7 +183,7 @@ def _command_kept(run: str, dataset: Dataset, said: Callable[[], str]) -> Iterat
     from aerial_il.core.files import write_json
 
     def keep() -> None:
-        learned_from = {"path": dataset.path, "episodes": dataset.episodes}
+        learned_from = {"path": dataset.path, "episodes": dataset.episodes, "reading": dataset.answers}
         write_json(Path(run) / COMMAND, {"command": said(), "dataset": learned_from})
 
     try:

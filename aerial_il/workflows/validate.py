@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from aerial_il.workflows.parts.reading import Reading
 from aerial_il.workflows.replay import Replayed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Validate:
+class Validate(Reading):
     """What is checked.
 
     Attributes:
@@ -22,24 +23,36 @@ class Validate:
     progress: bool = True
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Checked:
-    """What a check has shown: how many episodes, what is wrong, and what was flown again."""
+    """What a check has shown.
+
+    Attributes:
+        episodes: how many there are. problems: what is wrong. notes: what is odd, was mended, or is not said.
+        replayed: what was flown again.
+    """
 
     episodes: int
     problems: tuple[str, ...]
-    replayed: Replayed | None = None
+    notes: tuple[str, ...]
+    replayed: Replayed | None
 
 
 def validate(settings: Validate) -> Checked:
     """Check, and fly again what is sound where that is wanted."""
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import altered_files, open_dataset
+    from aerial_il.data.dataset import altered_files
     from aerial_il.workflows.replay import Replay, replay
 
-    dataset = open_dataset(settings.path, cameras=True, failures=True)
-    shown = {"total": len(dataset), "desc": "validate", "unit": "ep", "disable": not settings.progress}
+    dataset = settings.open(settings.path, cameras=True, failures=True)
+    count = len(dataset) + len(dataset.survey.left_out)
+    shown = {"total": count, "desc": "validate", "unit": "ep", "disable": not settings.progress}
     problems = [str(error) for _, error in Progress(dataset.problems(), **shown) if error is not None]
     problems += [f"{file}: differs from what the index lists." for file in altered_files(settings.path)]
     again = Replay(path=settings.path, progress=settings.progress) if settings.replay and not problems else None
-    return Checked(len(dataset), tuple(problems), replay(again) if again is not None else None)
+    return Checked(
+        episodes=count,
+        problems=tuple(problems),
+        notes=tuple(dataset.notes()),
+        replayed=replay(again) if again is not None else None,
+    )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import closing, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.places import claim_file
 from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
 from aerial_il.workflows.spelling import command_line
 
@@ -100,19 +102,16 @@ def _show_flight(settings: View, viewer: str) -> None:
         env=settings.env,
     )
     law, seed = settings.controller, settings.seed or 0
-    env = pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)
-    try:
+    with closing(pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)) as env:
         if viewer == "window":
             print(f"{pilot.task} on {pilot.robot} from seed {seed} on. Close the window to end.")
             window.show_live(env, pilot.policy, seed)
             return
         out = _out(settings, viewer, f"{pilot.task}-{pilot.robot}-{settings.tier}-{seed}-{Path(settings.policy).name}")
-        file = out.with_suffix(".mcap")
+        file = claim_file(out.with_suffix(".mcap"))
         episode = pilots.record(env, pilot.policy, seed, file, name=settings.policy)
         again = command_line(["view", *pilot.overrides, f"tier={settings.tier}", f"controller={law}", f"seed={seed}"])
         _present(settings, viewer, episode, file, out, env=env, again=again)
-    finally:
-        env.close()
     print(f"Recording: {file}")
 
 
@@ -126,33 +125,34 @@ def _show_recording(settings: View, viewer: str, file: Path) -> None:
         print(f"{file}: again and again. Close the window to end.")
         window.show_recording(episode)
         return
-    env = same_scene(episode)
-    try:
-        again = command_line(["view", f"recording={file}"])
+    env, again = same_scene(episode), command_line(["view", f"recording={file}"])
+    with closing(env) if env else nullcontext():
         _present(settings, viewer, episode, file, _out(settings, viewer, file.stem), env=env, again=again)
-    finally:
-        if env is not None:
-            env.close()
 
 
 def _present(
     settings: View, viewer: str, episode: Any, file: Path, out: Path, *, env: BatchEnv | None, again: str
 ) -> None:
     """Write what shows one flight without a window, or hand it to rerun."""
+    from aerial_il.core.rendering import RenderingError
     from aerial_il.evaluation.outcome import subtask_flags
-    from aerial_il.presentation.films.video import end_of
+    from aerial_il.presentation.films.scene_renderer import obstacle
+    from aerial_il.presentation.films.stroboscope import write_stroboscope
+    from aerial_il.presentation.films.video import end_of, film_recording
     from aerial_il.suite.batch import BatchEnvironment
 
     print(f"{episode.spec.task} on {episode.spec.robot}: {end_of(episode)} after {episode.sim_time[-1]:.2f} s.")
     if viewer == "rerun":
         _rerun(file, out)
         return
+    if viewer != "page" and (problem := obstacle()):
+        raise RenderingError(f"Nothing can be drawn: {problem} viewer=page shows the traces without it.")
     if viewer == "still":
-        _still(settings, episode, out)
+        print(f"Picture: {write_stroboscope(out, episode, size=settings.size)}")
         return
     flags = subtask_flags(env, episode) if isinstance(env, BatchEnvironment) else None
     if viewer == "film":
-        _film(settings, episode, out, flags)
+        print(f"Film: {film_recording(episode, out, flags=flags, progress=settings.progress)}")
     else:
         _page(settings, episode, file, out, flags, again)
 
@@ -168,26 +168,6 @@ def _rerun(file: Path, out: Path) -> None:
         out.parent.mkdir(parents=True, exist_ok=True)
         program.run("mcap", "convert", str(file), "-o", str(out))
         print(f"No screen here. On a machine with one: rerun {out}")
-
-
-def _still(settings: View, episode: Any, out: Path) -> None:
-    from aerial_il.core.rendering import RenderingError
-    from aerial_il.presentation.films.scene_renderer import obstacle
-    from aerial_il.presentation.films.stroboscope import write_stroboscope
-
-    if problem := obstacle():
-        raise RenderingError(f"No picture: {problem} viewer=page shows the traces without it.")
-    print(f"Picture: {write_stroboscope(out, episode, size=settings.size)}")
-
-
-def _film(settings: View, episode: Any, out: Path, flags: Any) -> None:
-    from aerial_il.core.rendering import RenderingError
-    from aerial_il.presentation.films.scene_renderer import obstacle
-    from aerial_il.presentation.films.video import film_recording
-
-    if problem := obstacle():
-        raise RenderingError(f"No film: {problem} viewer=page shows the traces without it.")
-    print(f"Film: {film_recording(episode, out, flags=flags, progress=settings.progress)}")
 
 
 def _page(settings: View, episode: Any, file: Path, out: Path, flags: Any, again: str) -> None:
@@ -223,7 +203,7 @@ def _fly_this(episode: Any) -> list[str]:
 
 
 def _out(settings: View, viewer: str, name: str) -> Path:
-    return Path(settings.out) if settings.out else Path(VIEWS) / f"{name}{ENDINGS[viewer]}"
+    return claim_file(settings.out or Path(VIEWS) / f"{name}{ENDINGS[viewer]}")
 
 
 def _find(place: Path, seed: int | None) -> Path:

@@ -13,7 +13,7 @@ import numpy as np
 from aerial_il.core.bounded import read_npz
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
-from aerial_il.data.check import episode_of
+from aerial_il.data.conversion import episode_of
 from aerial_il.data.episode import Episode
 from aerial_il.data.source import Raw
 from experiments.adroit.tasks import AdroitTask

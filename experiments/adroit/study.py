@@ -74,10 +74,10 @@ NOTES = (
     "training as the unit.",
 )
 
-PEERS = {"chunk": 4, "execute": 4, "ensemble": None, "blind_to": [], "redraw": False}
+PEERS = {"chunk": 4, "execute": 4, "ensemble": None, "masked_fields": [], "redraw": False}
 CLONED_BY: Mapping[str, Mapping[str, Any]] = {
-    "mlp": {"chunk": 1, "ensemble": None, "hidden": [256, 256], "loss": "l2", "blind_to": []},
-    "act": {"chunk": 10, "ensemble": 0.01, "blind_to": []},
+    "mlp": {"chunk": 1, "ensemble": None, "hidden": [256, 256], "loss": "l2", "masked_fields": []},
+    "act": {"chunk": 10, "ensemble": 0.01, "masked_fields": []},
     "diffusion": PEERS,
     "flow": PEERS,
 }

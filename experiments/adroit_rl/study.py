@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Literal
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.npg import NPG
 from aerial_il.algorithms.on_policy.from_clone import PRIOR
-from aerial_il.algorithms.online.rewards import Source as Reward
+from aerial_il.algorithms.online.problem import Source as Reward
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -109,7 +109,7 @@ class AdroitRl:
     question: ClassVar[str] = "Does reinforcement learning from few demonstrations solve what cloning them does not?"
 
     data: str = "datasets/adroit"
-    policy: PolicySettings = MLP(chunk=1, ensemble=None, hidden=(64, 64), loss="l2", blind_to=())
+    policy: PolicySettings = MLP(chunk=1, ensemble=None, hidden=(64, 64), loss="l2", masked_fields=())
     dapg: DAPG = FROM_CLONE
     scratch: SquashedGaussian = SquashedGaussian(hidden=(64, 64), activation="tanh", spread="free")
     npg: NPG = NPG()

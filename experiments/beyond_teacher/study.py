@@ -17,10 +17,9 @@ import numpy as np
 from aerial_il import experts
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
-from aerial_il.core.composition import build
+from aerial_il.core.composition import build, changed
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
-from aerial_il.core.settings import changed
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval
 from aerial_il.policies.mlp import MLP

@@ -14,8 +14,8 @@ from aerial_il.algorithms.on_policy.from_clone import FromClone
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.core.composition import changed
 from aerial_il.core.contracts import Policy
-from aerial_il.core.settings import changed
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian

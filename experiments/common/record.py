@@ -1,6 +1,6 @@
 """The record of a study: each finished stage is kept by its name and its settings, and is not done twice.
 
-A stage lies in ``KIND/LABEL-DIGEST``: the digest is that of its settings, which ``record.json`` in it holds in full,
+A stage lies in ``KIND/LABEL-DIGEST``: the digest is that of its settings, which ``.record.json`` in it holds in full,
 with the commit, the packages and the machine that it was made with. An arm that is added to a study reuses the stages
 of the others. What was made by other code counts as well; the log and the notes of the report name its commit, and
 ``again=true`` makes all anew.
@@ -20,7 +20,7 @@ from aerial_il.core.provenance import provenance
 from experiments.common.report import machine
 
 log = logging.getLogger(__name__)
-RECORD = "record.json"
+RECORD = ".record.json"
 
 
 class Record:

@@ -13,8 +13,8 @@ from typing import Any, ClassVar, Literal, Protocol
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
-from aerial_il.core.settings import plain
 from aerial_il.suite.physics.thread_pool import available_cores
+from experiments.common.plain import plain
 
 Row = dict[str, Any]
 Details = dict[str, Any]
@@ -72,7 +72,7 @@ class Target:
             "wanted": f"{self.sense} {self.limit:g}{unit}",
             "measured": f"{self.measured:.3g}{unit}",
             "spread": self.spread,
-            "verdict": "met" if self.met else "MISSED",
+            "verdict": "met" if self.met else "not met",
         }
 
 

@@ -20,7 +20,6 @@ from aerial_il.algorithms.run.folder import METRICS, read_metrics
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import plain
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import LOG
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
@@ -28,6 +27,7 @@ from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite.batch import BatchEnvironment
 from experiments.common.demonstrations import Source, collections, first, gather
+from experiments.common.plain import plain
 from experiments.common.record import Record
 
 EVALUATION_SEED, TUNING_SEEDS = 10_000, range(5_000, 6_000)

@@ -107,7 +107,7 @@ class Training:
         return f"{self.task}/{self.algorithm}/{self.seed}"
 
 
-SEEING = SquashedGaussian(hidden=(64, 64), blind_to=("base_pos", "ee_*", "target_*", "pad_pos"))
+SEEING = SquashedGaussian(hidden=(64, 64), masked_fields=("base_pos", "ee_*", "target_*", "pad_pos"))
 ON_POLICY = build(
     PPO,
     {

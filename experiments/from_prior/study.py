@@ -27,9 +27,8 @@ from aerial_il.algorithms.jsrl import JSRL
 from aerial_il.algorithms.ppo import PPO
 from aerial_il.algorithms.residual import Residual
 from aerial_il.algorithms.rlpd import RLPD
-from aerial_il.core.composition import build
+from aerial_il.core.composition import build, changed
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import changed
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings

@@ -28,11 +28,10 @@ from aerial_il.algorithms.run.folder import REWARD
 from aerial_il.algorithms.sac import SAC
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import is_sealed
-from aerial_il.core.composition import build
+from aerial_il.core.composition import build, changed
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
-from aerial_il.core.settings import changed
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.evaluation.result import EvaluationResult
@@ -120,7 +119,8 @@ ON_POLICY = build(
     },
 )  # fmt: skip
 SUITE_POLICY: Mapping[str, Any] = {
-    "relative": True, "anchor": "ee_pos", "blind_to": ("base_*", "joint_*", "ee_*"), "spread": "free", "log_std": -3.0
+    "relative": True, "anchor": "ee_pos", "masked_fields": ("base_*", "joint_*", "ee_*"), "spread": "free",
+    "log_std": -3.0,
 }  # fmt: skip
 SUITE_GAIL: Mapping[str, Any] = {
     "steps": 512_000, "demonstrations": {"bounds": "demonstrations", "labels": "expert"}, "bc_pretrain_steps": 3_000,

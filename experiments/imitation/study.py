@@ -33,7 +33,7 @@ from experiments.common.stages import EVALUATION_SEED, Cloned, Stages, check_see
 from experiments.common.success import failed_seeds, macro_row, pooled_row, pooled_target
 
 DEFAULT, JUDGED_DEMOS = "mlp", 80
-LOCAL = MLP(relative=True, blind_to=("gripper", "wrist_force", "base_pos", "base_rot6d", "joint_*", "ee_*"))
+LOCAL = MLP(relative=True, masked_fields=("gripper", "wrist_force", "base_pos", "base_rot6d", "joint_*", "ee_*"))
 POLICIES: Mapping[str, PolicySettings] = {
     DEFAULT: MLP(),
     "mlp_local": LOCAL,

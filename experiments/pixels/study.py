@@ -53,7 +53,7 @@ class Pixels:
     name: ClassVar[str] = "pixels"
     question: ClassVar[str] = "How well does behaviour cloning fly on camera images alone, and at what cost?"
 
-    policy: PolicySettings = MLP(obs_names=POSE, images=("wrist_rgb", "base_rgb"), blind_to=())
+    policy: PolicySettings = MLP(obs_names=POSE, images=("wrist_rgb", "base_rgb"), masked_fields=())
     algorithm: BC = BC(steps=8_000, batch_size=64, threads=2)
     noise: float = NOISE
     robot: str = "fa_hexa_arm4"

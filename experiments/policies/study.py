@@ -23,14 +23,13 @@ from torch.utils.data import DataLoader, Dataset
 import aerial_il
 from aerial_il import policies
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.learner import Learner
 from aerial_il.algorithms.supervised.training_set import Shuffle, TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.collection.collect import collect
 from aerial_il.core import registry
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.seeding import torch_rng
+from aerial_il.core.seeding import torch_rng, torch_threads
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface

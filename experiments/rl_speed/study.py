@@ -22,9 +22,9 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
+from aerial_il.core.composition import changed
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import changed
 from aerial_il.data.dataset import Dataset
 from aerial_il.policies.categorical import Categorical
 from aerial_il.policies.mlp import MLP
@@ -43,7 +43,6 @@ SECTIONS = {
     ACTING: [
         Place("aerial_il.algorithms.online.collector"),
         Place("aerial_il.algorithms.off_policy.experience_replay", "step"),
-        Place("aerial_il.algorithms.on_policy.steps", "collect"),
         Place("aerial_il.algorithms.on_policy.decisions", "collect"),
         Place("aerial_il.algorithms.off_policy.proposals"),
     ],

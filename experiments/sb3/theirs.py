@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from importlib import metadata
 from typing import Any
 
-from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.core.seeding import torch_threads
 
 PACKAGE = "stable-baselines3"
 INSTALLED = importlib.util.find_spec("stable_baselines3") is not None

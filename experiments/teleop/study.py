@@ -23,7 +23,7 @@ from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
-from aerial_il.presentation.rerun.chromium import BROWSER, BrowserError, Tab, browser
+from aerial_il.presentation.rerun.chromium import BROWSER, BrowserError
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import Site, fly
 from aerial_il.teleop.input.mapping import Bindings
@@ -32,6 +32,7 @@ from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.refly import refly
 from aerial_il.teleop.web.server import Server
 from experiments.common.report import Report, Row, Target, bar
+from experiments.teleop.hands import Tab, browser
 from experiments.teleop.narrow import narrowed
 from experiments.teleop.page_client import PageClient, sitting
 from experiments.teleop.server import served

@@ -314,7 +314,7 @@ plt.show()
 
 # %%
 ROBOT, FLIGHTS = "fa_hexa_arm4", 60
-SEES = {"name": "squashed_gaussian", "hidden": [128, 128], "relative": True, "anchor": "ee_pos", "blind_to": ["base_*", "joint_*", "ee_*"], "spread": "free", "log_std": -3.0}
+SEES = {"name": "squashed_gaussian", "hidden": [128, 128], "relative": True, "anchor": "ee_pos", "masked_fields": ["base_*", "joint_*", "ee_*"], "spread": "free", "log_std": -3.0}
 GAIL = {
     "name": "gail", "steps": 32_000, "demonstrations": {"bounds": "demonstrations", "labels": "expert"}, "bc_pretrain_steps": 1000, "warmup": 6400,
     "rollout": {"steps": 6400, "epochs": 5, "batch_size": 512}, "lr": 1e-4, "gamma": 0.97, "target_kl": 0.01, "critic_hidden": [128, 128],

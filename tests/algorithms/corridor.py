@@ -41,11 +41,9 @@ class Corridor(StatelessBatch):
         self.steps = np.zeros(num_envs, int)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        seeds = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
-        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            rng = episode_rng("point", "corridor", "start", int(seeds[i]))
+        for i, seed in self.restarted(seeds, mask):
+            rng = episode_rng("point", "corridor", "start", seed)
             self.slope[i], self.shift[i] = rng.uniform(0.1, 0.2), rng.uniform(0, 2 * np.pi)
-            self.steps[i] = 0
             self.y[i] = np.sin(self.shift[i])
         return self._observe()
 

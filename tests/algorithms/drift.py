@@ -14,7 +14,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 from tests.algorithms.point_mass import StepResult
-from tests.algorithms.stateless_batch import StatelessBatch
+from tests.algorithms.stateless_batch import StatelessBatch, episode_of
 
 SPEED, EDGE, NEAR, MAX_STEPS = 0.5, 1.5, 0.2, 12
 SPEC = EnvSpec(
@@ -42,10 +42,8 @@ class Drift(StatelessBatch):
         self.steps = np.zeros(num_envs, int)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        each = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
-        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            self.position[i], self.goal[i] = named_rng(int(each[i]), "drift").uniform(-1, 1, (2, 1))
-            self.steps[i] = 0
+        for i, seed in self.restarted(seeds, mask):
+            self.position[i], self.goal[i] = named_rng(seed, "drift").uniform(-1, 1, (2, 1))
         return self._observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -88,37 +86,15 @@ def demonstrations(count: int, *, ends_at_success: bool = False) -> list[Episode
     when = np.argmax(np.stack(arrived), axis=0) + 1
     lengths = when if ends_at_success else np.full(count, MAX_STEPS)
     return [
-        _episode(
+        episode_of(
+            SPEC,
             i,
             {k: np.stack([o[k][i] for o in seen[: t + 1]]) for k in seen[0]},
             np.stack(flown)[:t, i],
-            np.stack(paid)[:t, i],
+            rewards=np.stack(paid)[:t, i],
         )
         for i, t in enumerate(lengths)
     ]
-
-
-def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray, rewards: np.ndarray) -> Episode:
-    steps, no = len(actions), np.zeros(len(actions), bool)
-    return Episode(
-        uid=f"demo-{index}",
-        spec=SPEC,
-        provenance={"seed": index},
-        obs=obs,
-        actions=actions,
-        executed_actions=actions,
-        expert_actions=np.full_like(actions, np.nan),
-        is_intervention=no,
-        phase=np.full(steps, -1),
-        rewards=rewards,
-        terminated=no,
-        truncated=np.arange(steps) == MAX_STEPS - 1,
-        states=np.zeros((steps + 1, 0)),
-        ctrl=np.zeros((steps, 0)),
-        sim_time=0.1 * np.arange(steps + 1),
-        success=True,
-        model_xml="",
-    )
 
 
 def mean_reward(policy: Any, *, episodes: int = 100) -> float:

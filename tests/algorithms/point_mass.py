@@ -15,7 +15,7 @@ from aerial_il.core.contracts import StepResult
 from aerial_il.core.seeding import episode_rng, named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
-from tests.algorithms.stateless_batch import StatelessBatch
+from tests.algorithms.stateless_batch import StatelessBatch, episode_of
 
 LAG, REACH_M, WAIT_STEPS, DWELL_STEPS, LEAD_M = 0.5, 0.03, 8, 10, 0.06
 ROT6D = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -65,11 +65,10 @@ class PointMassBatch(StatelessBatch):
         self.gripper, self.steps, self.dwell = np.ones((num_envs, 1)), *np.zeros((2, num_envs), int)
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        seeds = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
-        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            rng = episode_rng("point", "pick", "calm", int(seeds[i]))
+        for i, seed in self.restarted(seeds, mask):
+            rng = episode_rng("point", "pick", "calm", seed)
             self.ee[i], self.cube[i], self.goal[i] = rng.uniform(-0.4, 0.4, (3, 3))
-            self.gripper[i], self.steps[i], self.dwell[i] = 1.0, 0, 0
+            self.gripper[i], self.dwell[i] = 1.0, 0
         return self._observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -139,32 +138,9 @@ def demonstrations(count: int, *, seed: int = 0, noise_m: float = 0.02) -> list[
     labels, actions = np.stack(meant, axis=1), np.stack(flown, axis=1)
     obs = {name: np.stack([o[name] for o in observed], axis=1) for name in observed[0]}
     return [
-        _episode(i, {k: v[i, : t + 1] for k, v in obs.items()}, actions[i, :t], labels[i, :t])
+        episode_of(SPEC, i, {k: v[i, : t + 1] for k, v in obs.items()}, actions[i, :t], labels=labels[i, :t])
         for i, t in enumerate(length)
     ]
-
-
-def _episode(index: int, obs: dict[str, np.ndarray], actions: np.ndarray, labels: np.ndarray) -> Episode:
-    steps, flags = len(actions), np.zeros(len(actions), bool)
-    return Episode(
-        uid=f"demo-{index}",
-        spec=SPEC,
-        provenance={"seed": index},
-        obs=obs,
-        actions=actions,
-        executed_actions=SPEC.action.clip(actions),
-        expert_actions=labels,
-        is_intervention=flags,
-        phase=np.full(steps, -1),
-        rewards=np.zeros(steps),
-        terminated=flags,
-        truncated=flags,
-        states=np.zeros((steps + 1, 0)),
-        ctrl=np.zeros((steps, 0)),
-        sim_time=np.arange(steps + 1) * SPEC.control_dt_s,
-        success=True,
-        model_xml="",
-    )
 
 
 def success_rate(policy: Any, *, episodes: int, seed: int) -> float:

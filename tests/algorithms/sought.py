@@ -60,10 +60,8 @@ class Hidden(StatelessBatch):
         self.position, self.goal = np.zeros((2, num_envs, 3))
 
     def reset(self, seeds: np.ndarray | int, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        each = seeds + np.arange(self.num_envs) if np.ndim(seeds) == 0 else np.asarray(seeds)
-        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            self.position[i], self.goal[i] = named_rng(int(each[i]), "hidden").uniform(-1, 1, (2, 3))
-            self.steps[i] = 0
+        for i, seed in self.restarted(seeds, mask):
+            self.position[i], self.goal[i] = named_rng(seed, "hidden").uniform(-1, 1, (2, 3))
         return self._observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:

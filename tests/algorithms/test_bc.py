@@ -30,7 +30,7 @@ def demos() -> list[Episode]:
 
 def learn(demos: list[Episode], run: Path, **policy: object) -> float:
     settings = BC(steps=500, batch_size=128, lr=2e-3, warmup_steps=50, ema=0.99)
-    config = MLP(**{"hidden": (128, 128), "chunk": 20, "blind_to": (), **policy})  # type: ignore[arg-type]
+    config = MLP(**{"hidden": (128, 128), "chunk": 20, "masked_fields": (), **policy})  # type: ignore[arg-type]
     learned = settings.train(demos, config, run=run, progress=False)
     return success_rate(learned, episodes=EPISODES, seed=10_000)
 
@@ -88,9 +88,3 @@ def test_other_data_than_asked_for_is_refused(demos: list[Episode], tmp_path: Pa
     key, value = next(iter(expect.items()))
     with pytest.raises(InvalidValueError, match=f"{key}={value} was asked for"):
         BC().train(demos, MLP(), run=tmp_path, expect=expect)
-
-
-@pytest.mark.parametrize("wrong", [{"steps": 0}, {"lr": -1.0}, {"ema": 1.0}, {"minutes": 0.0}, {"validate_every": -1}])
-def test_impossible_settings_are_refused(wrong: dict[str, float]) -> None:
-    with pytest.raises(InvalidValueError, match=next(iter(wrong))):
-        BC(**wrong)  # type: ignore[arg-type]

@@ -76,7 +76,7 @@ def test_noise_moves_what_is_flown(whole: Path, tmp_path: Path) -> None:
 
 
 def test_a_prior_of_another_class_flies_the_first_round(whole: Path, tmp_path: Path) -> None:
-    chunked = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+    chunked = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, masked_fields=())
     prior = trained(tmp_path / "prior", policy=chunked, rounds=1)
     led = trained(tmp_path / "led", prior=str(prior))
     assert load_policy(led).config == POLICY

@@ -1,8 +1,7 @@
-"""Train interactively on the corridor, also as a process: ``python -m tests.algorithms.train_rounds RUN NAME``."""
+"""Train interactively on the corridor."""
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +17,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.policies.mlp import MLP
 from tests.algorithms.corridor import Corridor, Pilot, success_rate
 
-POLICY = MLP(hidden=(32,), chunk=1, anchor=None, blind_to=(), ensemble=None)
+POLICY = MLP(hidden=(32,), chunk=1, anchor=None, masked_fields=(), ensemble=None)
 BC = BC(
     steps=300,
     batch_size=64,
@@ -39,12 +38,15 @@ THRIFTY = DAgger(
     warm_start=False,
 )
 DART = DART(rounds=2, episodes=5, training=BC, between_steps=100)
-SETTINGS = {"dagger": DAGGER, "thrifty": THRIFTY, "dart": DART}
 
 
 def demonstrations(folder: Path, count: int = 3) -> list[Episode]:
     collect(Corridor(count), Pilot(), range(count), folder, progress=False)
     return list(open_dataset(folder))
+
+
+def flights_of(run: Path, number: int) -> list[Episode]:
+    return list(open_dataset(run / "rounds" / f"{number:03d}" / "flights", failures=True))
 
 
 def evaluate(policy: Any, round_number: int) -> dict[str, float]:
@@ -63,7 +65,3 @@ def train(run: Path, settings: Any = DAGGER, demos: list[Episode] | None = None,
     }
     demos = demos or demonstrations(run.with_name(f"{run.name}.demos"))
     return settings.train(demos, POLICY, **(options | changes))
-
-
-if __name__ == "__main__":
-    train(Path(sys.argv[1]), SETTINGS[sys.argv[2]])

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from aerial_il.cli import commands, help, main
+from aerial_il.cli import commands, main
 from aerial_il.cli.compose import compose
 from aerial_il.core import composition, schema
 
@@ -191,12 +191,6 @@ def test_the_help_of_a_choice_has_its_keys(capsys: pytest.CaptureFixture[str]) -
         assert f"  {key}  " in said
     assert main.main(["train", "algorithm=dager", "--help"]) == main.BAD_USAGE
     assert "Did you mean 'dagger'" in capsys.readouterr().err
-
-
-def test_the_reference_names_every_command_and_every_key() -> None:
-    page = help.reference()
-    for name in commands.names():
-        assert f"## aerial-il {name}" in page
 
 
 def test_a_back_end_that_mujoco_refuses_is_answered(

@@ -60,6 +60,7 @@ def test_a_sign_before_a_key_adds_nothing(sign: str) -> None:
     ("word", "new"),
     [
         ("algorithm.utd_ratio=2", "algorithm.replay.updates_per_step"),
+        ("policy.blind_to=[gripper]", "policy.masked_fields"),
         ("algorithm.prior.path=x", None),
         ("policy.utd_ratio=2", None),
     ],
@@ -72,11 +73,6 @@ def test_an_old_key_is_answered_with_its_new_name(word: str, new: str | None) ->
     else:
         with pytest.raises(InvalidValueError, match=f"is called {new} now"):
             prepare(TRAIN, words)
-
-
-def test_the_folder_of_a_job_of_a_sweep_can_be_evaluated() -> None:
-    config = compose(EVALUATE, ["policy=runs/x/seed=0", "out=runs/x/seed=0/evaluation"])
-    assert (config.policy, config.out) == ("runs/x/seed=0", "runs/x/seed=0/evaluation")
 
 
 @pytest.mark.parametrize("word", ["train", "--json", "runs/x"])
@@ -104,26 +100,6 @@ def test_a_path_goes_where_it_belongs(given: str, prepared: str) -> None:
     assert prepare(TRAIN, [given]) == [prepared]
 
 
-@pytest.mark.parametrize(
-    ("word", "says"),
-    [
-        ("tier=gust", "Unknown tier 'gust'. Did you mean 'gusts'"),
-        ("tier=gust+wind", "Unknown tier 'gust'. Did you mean 'gusts'"),
-        ("tier=calm+latncy", "Unknown tier component 'latncy'. Did you mean 'latency'"),
-        ("tier=calm-wind", "Tier 'calm' has no wind anyway"),
-    ],
-)
-def test_a_wrong_tier_is_refused_before_anything_flies(word: str, says: str) -> None:
-    with pytest.raises((UnknownNameError, InvalidValueError)) as caught:
-        compose(EVALUATE, ["policy=x", "out=x", word])
-    assert says in str(caught.value)
-
-
-def test_a_tier_put_together_reaches_the_command() -> None:
-    chosen = compose(EVALUATE, ["policy=x", "out=x", "tier=calm+wind+latency"])
-    assert chosen.tier == "calm+wind+latency"
-
-
 @pytest.mark.parametrize(("words", "name"), [([], None), (["tier=gusts"], "gusts"), (["tier=calm+wind"], "calm+wind")])
 def test_a_tier_may_be_left_out_where_a_dataset_may_say_it(words: list[str], name: str | None) -> None:
     assert compose(TRAIN, ["run=x", *words]).tier == name
@@ -136,20 +112,20 @@ def test_an_evaluated_policy_is_always_a_path() -> None:
 
 
 def test_bare_words_fill_keys_and_json_is_a_flag() -> None:
-    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["json=true", "a=x", "b=y"]
-    with pytest.raises(InvalidValueError, match="'z' is not KEY=VALUE"):
-        prepare(commands.find("compare"), ["x", "y", "z"])
+    assert prepare(commands.find("compare"), ["x", "y", "--json"]) == ["json=true", "result=[x,y]"]
+    with pytest.raises(InvalidValueError, match="is not KEY=VALUE"):
+        prepare(commands.find("replay"), ["x", "y", "z"])
 
 
 def test_a_sweep_gives_each_job_a_folder_of_its_own() -> None:
     words = ["-m", "seed=0,1", "policy=mlp,act", "dataset=few,all", "policy.hidden=[8,8]", "run=top"]
-    found = points(TRAIN, prepare(TRAIN, words))
-    assert [folder for _, folder in found][:2] == [
+    result = points(TRAIN, prepare(TRAIN, words))
+    assert [folder for _, folder in result][:2] == [
         "top/seed=0,policy=mlp,dataset=few",
         "top/seed=0,policy=mlp,dataset=all",
     ]
-    assert len(found) == 8
-    settings = settings_of(TRAIN, [*found[0][0], "seed=3"])
+    assert len(result) == 8
+    settings = settings_of(TRAIN, [*result[0][0], "seed=3"])
     assert (settings.run, settings.seed, settings.dataset.episodes) == ("top/seed=0,policy=mlp,dataset=few", 3, 25)
     with pytest.raises(InvalidValueError, match="run cannot be swept"):
         points(TRAIN, prepare(TRAIN, ["-m", "run=a,b"]))

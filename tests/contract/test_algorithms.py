@@ -64,6 +64,10 @@ WHOLE = {"a2c": {"epochs": 1, "batch_size": None}}  # one step by the whole of a
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
 
+IMPOSSIBLE = {"steps": 0, "gamma": 1.0, "threads": 0, "ema": 1.0, "minutes": 0.0, "critics.hidden": ()}
+IMPOSSIBLE |= {"critic_hidden": (), "reward.dropout": 1.0, "reward.form": "x"}
+
+
 class Broke(Drift):
     """Pays a reward that is not a number, from the fifth step of an episode on."""
 
@@ -155,19 +159,19 @@ def test_it_fulfils_the_contract(name: str) -> None:
 @each
 def test_it_learns_more_than_its_start(tmp_path: Path, name: str) -> None:
     """On unseen seeds, with its own machinery alone; what never learns gains nothing, see the test below."""
-    begun = train(short(name, FIRST), tmp_path / "start")
+    started = train(short(name, FIRST), tmp_path / "start")
     learned = train(small(name), tmp_path / "learned")
-    assert gain(begun, learned) > LEAST
+    assert gain(started, learned) > LEAST
 
 
-def gain(begun: Any, learned: Any) -> float:
-    return (mean_reward(learned) - mean_reward(begun)) / mean_reward(Guide())
+def gain(started: Any, learned: Any) -> float:
+    return (mean_reward(learned) - mean_reward(started)) / mean_reward(Guide())
 
 
 def test_what_does_not_learn_gains_nothing(tmp_path: Path) -> None:
-    begun = train(short("sac", FIRST), tmp_path / "start")
+    started = train(short("sac", FIRST), tmp_path / "start")
     idle = train(replace(small("sac"), lr=1e-12), tmp_path / "idle")
-    assert gain(begun, idle) < LEAST
+    assert gain(started, idle) < LEAST
 
 
 @each
@@ -222,10 +226,10 @@ def test_impossible_settings_are_refused(name: str) -> None:
     values = {key: value for key, value in values_of(cls()) if key in names(cls)}  # those of a choice depend on it
     numbers = {key: value for key, value in values.items() if type(value) in (int, float) and value >= 0}
     assert len(numbers) > 3
-    for number in numbers:
-        for wrong in (-1, float("nan")):
-            with pytest.raises(InvalidValueError, match=number.rpartition(".")[2]):
-                made(cls, {number: wrong})
+    wrong = [(number, value) for number in numbers for value in (-1, float("nan"))]
+    for key, value in (*wrong, *((key, value) for key, value in IMPOSSIBLE.items() if key in names(cls))):
+        with pytest.raises(InvalidValueError, match=key.rpartition(".")[2]):
+            made(cls, {key: value})
 
 
 def values_of(settings: Any, at: str = "") -> Iterator[tuple[str, Any]]:

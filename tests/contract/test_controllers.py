@@ -37,7 +37,7 @@ def test_it_brings_the_base_to_its_reference_and_holds_it(law: str, robot: str) 
 @each_robot
 def test_its_kernel_keeps_to_its_own_memory(law: str, robot: str) -> None:
     vehicle = robots.get(robot).vehicle
-    found, settings = [], registry.get("controller", law)()
+    result, settings = [], registry.get("controller", law)()
     own = settings.record(vehicle).view(np.recarray)[0]
     compiled = registry.kernel("controller", law, "steer")
     for steer in (compiled.py_func, compiled):
@@ -49,7 +49,7 @@ def test_its_kernel_keeps_to_its_own_memory(law: str, robot: str) -> None:
             steer(own, vehicle.record, record_of(settings.gains.fitted(vehicle)), scratch, state)
         before[layout.LAW : layout.LAW + layout.LAW_SIZE] = state[layout.LAW : layout.LAW + layout.LAW_SIZE]
         np.testing.assert_array_equal(state, before, err_msg=f"{law} writes beyond its own memory")
-        found.append(np.concatenate([scratch.force, scratch.torque, state]))
-        assert np.isfinite(found[-1]).all()
+        result.append(np.concatenate([scratch.force, scratch.torque, state]))
+        assert np.isfinite(result[-1]).all()
         assert scratch.force[2] > 0.5 * vehicle.mass * 9.81, "it carries the weight"
-    np.testing.assert_allclose(*found, rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(*result, rtol=1e-10, atol=1e-10)

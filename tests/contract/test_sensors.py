@@ -90,12 +90,12 @@ def test_what_it_reads_is_what_is_observed(name: str) -> None:
 
 @pytest.mark.parametrize("task", tasks.names())
 def test_the_fields_of_a_task_are_documented(task: str) -> None:
-    found = tasks.get(task)
-    for field in found.fields():
+    result = tasks.get(task)
+    for field in result.fields():
         check_documented(field)
-    assert {f.name for f in found.fields() if not f.real} == {name for name, _ in found.privileged}
-    assert all(len(reason.split()) >= 3 for _, reason in found.privileged)
-    assert set(found.commanded) <= {*found.names.sites, *found.names.mocaps}
+    assert {f.name for f in result.fields() if not f.real} == {name for name, _ in result.privileged}
+    assert all(len(reason.split()) >= 3 for _, reason in result.privileged)
+    assert set(result.commanded) <= {*result.names.sites, *result.names.mocaps}
 
 
 @pytest.mark.parametrize(("robot", "task"), SAMPLE)

@@ -78,9 +78,9 @@ def test_latest_passes_over_damage_and_says_so(tmp_path: Path, caplog: pytest.Lo
     arrays = ckpt.step_folder(tmp_path, 10) / ckpt.ARRAYS
     arrays.write_bytes(arrays.read_bytes()[:-1])
     with caplog.at_level(logging.WARNING):
-        found = ckpt.latest(tmp_path)
-    assert found is not None
-    assert found[1].state["step"] == 5
+        result = ckpt.latest(tmp_path)
+    assert result is not None
+    assert result[1].state["step"] == 5
     assert str(arrays) in caplog.text
     (ckpt.step_folder(tmp_path, 5) / ckpt.CONFIG).unlink()
     with pytest.raises(CheckpointError, match="No other checkpoint is valid"):
@@ -118,9 +118,9 @@ def test_a_full_disk_leaves_the_last_checkpoint_readable(tmp_path: Path) -> None
     assert "CheckpointError" in done.stderr
     assert "cannot be written" in done.stderr
     assert os.listdir(tmp_path / ckpt.FOLDER) == ["00000001"]
-    found = ckpt.latest(tmp_path)
-    assert found is not None
-    assert found[1].state["step"] == 1
+    result = ckpt.latest(tmp_path)
+    assert result is not None
+    assert result[1].state["step"] == 1
 
 
 def test_a_pickle_is_refused(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Settings of plain values: groups, choices, names, presets, and the answer to whatever does not fit."""
+"""Settings are composed of plain values; one of another type than its setting declares is answered by name."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import pytest
 
+from aerial_il.cli.main import main
 from aerial_il.core import presets
-from aerial_il.core.composition import build, plain
+from aerial_il.core.composition import build, fits, plain
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.schema import Choice, Name, keys, meanings
 from aerial_il.policies.act import ACT
@@ -121,8 +122,13 @@ def test_a_preset_stands_below_what_is_said(tmp_path: Path, monkeypatch: pytest.
         (tmp_path / f"{name}.yaml").write_text(text)
     monkeypatch.setattr(presets, "folder", lambda: tmp_path)
     quick = {"out": "o", "experiment": "quick"}
-    found = build(Job, {**quick, "seed": 6, "place": {"name": "far", "path": "p"}})
-    assert (found.seed, found.steps, found.policy, found.place) == (6, 9, MLP(hidden=(8,)), Place(path="p", count=7))
+    result = build(Job, {**quick, "seed": 6, "place": {"name": "far", "path": "p"}})
+    assert (result.seed, result.steps, result.policy, result.place) == (
+        6,
+        9,
+        MLP(hidden=(8,)),
+        Place(path="p", count=7),
+    )
     assert build(Job, {**quick, "policy": "wide"}).policy == MLP(hidden=(8,))
     assert build(Job, {"out": "o", "policy": "act"}).policy == ACT(chunk=33)
     assert build(Job, {"out": "o", "place": Path("far")}).place == Place(path="far")
@@ -141,10 +147,44 @@ def test_settings_lead_to_plain_values_and_back() -> None:
 
 
 def test_keys_have_defaults_and_meanings() -> None:
-    found = {key.name: key for key in keys(Job)}
+    result = {key.name: key for key in keys(Job)}
     assert meanings(Place)["count"] == "how many, over two lines."
-    assert (found["seed"].meaning, found["seed"].default) == ("numbers.", "0")
-    assert (found["out"].default, found["prior"].default, found["prior.path"].default) == ("", "null", "null")
-    assert {found[name].takes for name in ("place", "prior")} == {"place"}
-    assert (found["policy"].takes, found["policy"].kind, found["robot"].kind) == ("choice", "policy", "robot")
-    assert (found["sizes"].default, found["kind"].options) == ("[3]", ("short", "long"))
+    assert (result["seed"].meaning, result["seed"].default) == ("numbers.", "0")
+    assert (result["out"].default, result["prior"].default, result["prior.path"].default) == ("", "null", "null")
+    assert {result[name].takes for name in ("place", "prior")} == {"place"}
+    assert (result["policy"].takes, result["policy"].kind, result["robot"].kind) == ("choice", "policy", "robot")
+    assert (result["sizes"].default, result["kind"].options) == ("[3]", ("short", "long"))
+
+
+@dataclass
+class Inner:
+    rate: float = 0.1
+
+
+@pytest.mark.parametrize(
+    ("hint", "good", "bad"),
+    [
+        (int, [0, -3], [1.5, True, "1", None, [1], {}]),
+        (float, [1, 0.5, float("nan")], [True, "x", None, []]),
+        (bool, [True], [1, "true", None]),
+        (str, ["", "x"], [1, None, []]),
+        (int | None, [None, 2], ["x", 0.5]),
+        (tuple[int, ...], [[], [1, 2], (3,)], [[1, "x"], 1, "12", None]),
+        (tuple[int, int], [[1, 2]], [[1], [1, 2, 3], [[1], 2]]),
+        (list[str], [["a"]], [[["a"]], "a", [None]]),
+        (Literal["hand", "script"], ["hand"], ["foot", 1, []]),
+        (Mapping[str, float], [{}, {"a": 1}], [{"a": "x"}, [], 3]),
+        (Inner, [Inner()], [3, "x", [], None]),
+        (Any, [3, "x", None, []], []),
+    ],
+)
+def test_values_fit_or_do_not(hint: Any, good: list[Any], bad: list[Any]) -> None:
+    assert [value for value in good if not fits(value, hint)] == []
+    assert [value for value in bad if fits(value, hint)] == []
+
+
+def test_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["report", "result=[[1]]"]) == 2
+    assert "result=[[1]] is not a list such as [a,b]" in capsys.readouterr().err
+    assert main(["train", "dataset=nowhere", "run=x", "algorithm.patience=[2]"]) == 2
+    assert "patience=[2] is not a whole number" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Compiled code is never older than what it was compiled from."""
+"""Compiled code is never older than its source, and torch does not depend on where numpy put its numbers."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from aerial_il.core import kernels, rotations
+from aerial_il.core.tensors import tensor
 
 stamp_of_all = kernels._kernel_sources  # what is stamped is seen nowhere else: numba keeps it beside its version
 
@@ -77,8 +78,8 @@ def _file(module: str, name: str) -> Path:
 
 
 @kernels.kernel
-def _add_up(pair, found):
-    found[0] = pair.first.sum() + pair.second
+def _add_up(pair, result):
+    result[0] = pair.first.sum() + pair.second
 
 
 class _Pair(NamedTuple):
@@ -87,13 +88,13 @@ class _Pair(NamedTuple):
 
 
 def test_an_entry_is_the_kernel_for_the_types_it_was_made_for() -> None:
-    found, pair = np.zeros(1), _Pair(np.arange(3.0), 4.0)
-    entry = kernels.entry_of(_add_up, pair, found)
-    assert found[0] == 0.0, "making it runs nothing"
-    entry(_Pair(np.arange(5.0), 0.5), found)
-    assert found[0] == 10.5
+    result, pair = np.zeros(1), _Pair(np.arange(3.0), 4.0)
+    entry = kernels.entry_of(_add_up, pair, result)
+    assert result[0] == 0.0, "making it runs nothing"
+    entry(_Pair(np.arange(5.0), 0.5), result)
+    assert result[0] == 10.5
     with pytest.raises(TypeError):
-        entry(_Pair(np.arange(3, dtype=np.float32), 4.0), found)
+        entry(_Pair(np.arange(3, dtype=np.float32), 4.0), result)
 
 
 def test_a_kernel_elsewhere_is_stale_with_the_files_beside_it(tmp_path: Path) -> None:
@@ -106,3 +107,14 @@ def test_a_kernel_elsewhere_is_stale_with_the_files_beside_it(tmp_path: Path) ->
         kernels._folder_sources.cache_clear()
         stamps.append(stamp(kernels.kernel(defined["read"])))
     assert stamps[0] != stamps[1]
+
+
+@pytest.mark.parametrize("offset", [0, 4, 16, 52])
+def test_a_tensor_begins_at_a_cache_line(offset: int) -> None:
+    memory = np.zeros(400, np.uint8)
+    start = -memory.ctypes.data % 64 + offset
+    array = memory[start : start + 240].view(np.float32).reshape(15, 4)
+    copied = tensor(array)
+    array += 1.0
+    assert copied.data_ptr() % 64 == 0
+    assert (copied == 0.0).all()

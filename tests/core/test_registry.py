@@ -1,4 +1,4 @@
-"""The one registry: kinds by their files, and by the entry points of other packages."""
+"""The one registry: kinds by their files and by entry points of other packages; keys that have new names."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import pytest
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.renamed import MOVED
 
 each_kind = pytest.mark.parametrize("kind", sorted(registry.KINDS))
 
@@ -68,3 +69,7 @@ def test_a_package_outside_does_not_take_a_name_that_is_ours(plug_in: Path) -> N
     (plug_in / "some_package-1.0.dist-info" / "entry_points.txt").write_text("[aerial_il.task]\nreach = some_task\n")
     with pytest.raises(InvalidValueError, match=r"some_task registers a task called reach, but aerial_il\.suite"):
         registry.names("task")
+
+
+def test_no_key_leads_to_itself_or_to_another_old_one() -> None:
+    assert not set(MOVED) & {new for places in MOVED.values() for new in places}

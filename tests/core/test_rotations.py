@@ -54,9 +54,9 @@ def test_rotation_vectors_make_the_round_trip(v: tuple[float, ...]) -> None:
 
 @pytest.mark.parametrize("axis", np.vstack([np.eye(3), [[0.6, 0.0, 0.8], [-0.6, 0.8, 0.0]]]))
 def test_half_a_turn_is_found(axis: np.ndarray) -> None:
-    found = np.array(rotvec_from_mat(mat_from_axis_angle(tuple(axis), np.pi)))
-    assert np.linalg.norm(found) == pytest.approx(np.pi)
-    np.testing.assert_allclose(np.abs(found @ axis), np.pi)
+    result = np.array(rotvec_from_mat(mat_from_axis_angle(tuple(axis), np.pi)))
+    assert np.linalg.norm(result) == pytest.approx(np.pi)
+    np.testing.assert_allclose(np.abs(result @ axis), np.pi)
 
 
 @quick

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import DemoError
-from aerial_il.data.check import Gate, checked, require_whole
+from aerial_il.data.check import Gate, require_whole
 from aerial_il.data.episode import Episode
 from aerial_il.data.recording.reader import read_episode
-from aerial_il.data.source import Later, Raw, Source
+from aerial_il.data.source import Later, Raw, Source, Wanted
+from aerial_il.data.survey import Survey, surveyed
 
 STEPS = 6
 
@@ -30,8 +31,14 @@ def source(*demonstrations: Raw, **changed: Any) -> Source:
     return Source(path=Path("data.xyz"), kind="a test", raw=each, **changed)
 
 
-def read(*demonstrations: Raw, **changed: Any) -> list[Episode]:
-    return [load() for load in checked(source(*demonstrations, **changed)).values()]
+def survey(*demonstrations: Raw, wanted: Wanted = Wanted(cameras=True), **changed: Any) -> Survey:  # noqa: B008
+    return surveyed(source(*demonstrations, **changed), wanted)
+
+
+def read(*demonstrations: Raw, **answers: Any) -> list[Episode]:
+    changed = {name: answers.pop(name) for name in ("spec", "borders", "control_dt_s") if name in answers}
+    wanted = Wanted(cameras=True, strict=True, **answers)
+    return [load() for load in survey(*demonstrations, wanted=wanted, **changed).loaders.values()]
 
 
 def obs(**changed: Any) -> Mapping[str, Any]:
@@ -48,7 +55,8 @@ def with_nan(values: np.ndarray, *where: int) -> np.ndarray:
     ("changed", "says"),
     [
         ({"actions": np.zeros((0, 2))}, "demo_1 has no steps"),
-        ({"actions": np.zeros(STEPS)}, "demo_1 has actions that are not vectors of numbers"),
+        ({"actions": np.zeros(STEPS)}, r"demo_1 has actions of another shape.*expected \(2,\), got \(1,\)"),
+        ({"actions": np.zeros((STEPS, 2, 1, 1))}, "demo_1 has actions that are not vectors of numbers"),
         ({"actions": np.zeros((STEPS, 2), int)}, "not vectors of numbers.*Discrete"),
         ({"actions": np.zeros((STEPS, 3))}, r"demo_1 has actions of another shape.*expected \(2,\), got \(3,\)"),
         ({"actions": with_nan(np.zeros((STEPS, 2)), 4, 1)}, r"not finite. \[step 4, field actions\[1\]\]"),
@@ -88,10 +96,13 @@ def test_pictures_are_not_read_before_their_episode_is() -> None:
     seen: list[str] = []
 
     def picture(name: str) -> Later:
-        load: Callable[[], np.ndarray] = lambda: seen.append(name) or np.zeros((STEPS, 4, 5, 3), np.uint8)  # noqa: E731
+        def load(rows: slice) -> np.ndarray:
+            seen.append(name)
+            return np.zeros((STEPS, 4, 5, 3), np.uint8)[rows]
+
         return Later((STEPS, 4, 5, 3), np.dtype(np.uint8), load)
 
-    loaders = checked(source(raw(obs=obs(camera=picture("a"))), raw(obs=obs(camera=picture("b")))))
+    loaders = survey(raw(obs=obs(camera=picture("a"))), raw(obs=obs(camera=picture("b")))).loaders
     assert seen == []
     assert loaders["demo_1"]().obs["camera"].shape == (STEPS + 1, 4, 5, 3)
     assert seen == ["b"]
@@ -103,15 +114,16 @@ def test_silence_is_failure_only_where_others_are_judged(said: tuple, taken: tup
 
 
 def test_transitions_are_cut_where_an_episode_ended() -> None:
-    over = np.array([0, 0, 1, 0, 0, 0], bool)
-    whole = raw(obs={"position": raw().obs["position"]}, terminated=over)
-    after = {"position": np.asarray(whole.obs["position"]) + 1.0}
-    first, second = read(replace(whole, next_obs=after), borders=False)
+    over, position = np.array([0, 0, 1, 0, 0, 0], bool), np.arange(STEPS)[:, None] * [0.1, 0.2, 0.3]
+    whole = raw(
+        obs={"position": position}, terminated=over, next_obs={"position": position + np.array([0.1, 0.2, 0.3])}
+    )
+    first, second = read(whole, borders=False)
     assert (len(first), len(second), first.uid, second.uid) == (3, 3, "demo_0_000000", "demo_0_000001")
-    assert (first.terminated[-1], second.terminated[-1]) == (True, False)
-    np.testing.assert_array_equal(first.obs["position"][-1], after["position"][2])
-    with pytest.raises(DemoError, match=r"position of another length than its actions\. expected 6 rows, got 7"):
-        read(replace(whole, obs={"position": np.zeros((STEPS + 1, 3))}), borders=False)
+    assert (first.is_terminal, second.is_terminal) == (True, False)
+    np.testing.assert_array_equal(first.obs["position"][-1], whole.next_obs["position"][2])
+    with pytest.raises(DemoError, match=r"next position of another length than its actions\. expected 6 rows, got 7"):
+        read(replace(whole, next_obs={"position": np.zeros((STEPS + 1, 3))}), borders=False)
 
 
 def test_a_recorded_specification_is_held_against_what_is_there() -> None:
@@ -120,7 +132,7 @@ def test_a_recorded_specification_is_held_against_what_is_there() -> None:
     with pytest.raises(DemoError, match="demo_0 has extra, which its specification lacks"):
         read(raw(obs=obs(extra=np.zeros(STEPS))), spec=episode.spec)
     with pytest.raises(DemoError, match="demo_0 lacks position"):
-        read(raw(obs={}), spec=episode.spec)
+        read(raw(obs={"camera": raw().obs["camera"]}), spec=episode.spec)
     with pytest.raises(DemoError, match="position of another shape"):
         read(raw(obs=obs(position=np.zeros((STEPS, 4)))), spec=episode.spec)
 

@@ -21,6 +21,7 @@ from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
 from tests.evaluation.hover import GoThere, HoverBatch
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(100, 112)
 QUIET = "progress=false"
 CART = ["policy=random", "env=gymnasium:CartPole-v1", "success=survived", "threads=1", "videos=0", QUIET]
@@ -70,7 +71,7 @@ def content(result: EvaluationResult) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("flights", [1, 5, 12])
-def test_what_was_flown_before_a_kill_is_kept_and_the_result_is_the_same(tmp_path: Path, flights: int) -> None:
+def test_flights_before_a_kill_are_kept_to_the_same_result(tmp_path: Path, flights: int) -> None:
     whole = fly(None)
     with pytest.raises(Killed):
         fly(Mortal(tmp_path, flights))
@@ -128,7 +129,7 @@ def subject(**changed: Any) -> dict[str, Any]:
 )
 def test_flights_of_something_else_are_refused_by_name(tmp_path: Path, changed: dict[str, Any], named: str) -> None:
     journal = Journal(tmp_path)
-    journal.begin(subject())
+    journal.start(subject())
     fly_into(journal)
     assert finished(tmp_path, subject(), overwrite=False) is None
     with pytest.raises(InvalidValueError, match="overwrite=true") as caught:
@@ -146,11 +147,9 @@ def test_flights_of_something_else_are_refused_by_name(tmp_path: Path, changed: 
         ("runs/a", "runs/a", "policy runs/a as it was then != runs/a as it is now, with other weights "),
     ],
 )
-def test_weights_are_told_apart_by_where_they_lay_not_by_their_digest(
-    tmp_path: Path, before: str, now: str, named: str
-) -> None:
+def test_weights_are_named_by_their_place_not_their_digest(tmp_path: Path, before: str, now: str, named: str) -> None:
     journal = Journal(tmp_path)
-    journal.begin({**subject(policy_sha256="ab" * 32), CALLED: before})
+    journal.start({**subject(policy_sha256="ab" * 32), CALLED: before})
     fly_into(journal)
     with pytest.raises(InvalidValueError) as caught:
         finished(tmp_path, subject(policy_sha256="cd" * 32), called=now, overwrite=False)

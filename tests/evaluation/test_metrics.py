@@ -10,9 +10,8 @@ import pytest
 from aerial_il.evaluation.metrics import (
     EpisodeRecord,
     action_fast_share,
-    action_jerk_rms,
-    action_rate_rms,
     aggregate,
+    derivative_rms,
     measure,
     metrics_of,
     spread,
@@ -83,9 +82,9 @@ def test_subtasks_keep_the_first_time_they_were_done() -> None:
 def test_jerk_of_a_cubic_is_its_third_derivative() -> None:
     time_s = np.arange(20) * DT_S
     actions = np.stack([time_s**3, 2 * time_s**3, time_s**2, np.sin(0 * time_s)], axis=1)
-    jerk = action_jerk_rms(actions, ("m", "m", "", "m/s"), DT_S)
+    jerk = derivative_rms(actions, ("m", "m", "", "m/s"), DT_S, order=3)
     assert jerk == pytest.approx({"m/s^3": np.sqrt((6**2 + 12**2) / 2), "1/s^3": 0.0, "m/s^4": 0.0}, abs=1e-6)
-    assert action_jerk_rms(actions[:3], ("m", "m", "", "m/s"), DT_S) == {}, "it needs four steps"
+    assert derivative_rms(actions[:3], ("m", "m", "", "m/s"), DT_S, order=3) == {}, "it needs four steps"
 
 
 def test_spread_ignores_what_is_missing_and_repeats() -> None:
@@ -118,7 +117,7 @@ def test_a_record_survives_its_dictionary() -> None:
 def test_rate_of_a_ramp_is_its_slope() -> None:
     time_s = np.arange(20) * DT_S
     actions = np.stack([3 * time_s, 4 * time_s, 0 * time_s], axis=1)
-    rate = action_rate_rms(actions, ("m", "m", "m/s"), DT_S)
+    rate = derivative_rms(actions, ("m", "m", "m/s"), DT_S, order=1)
     assert rate == pytest.approx({"m/s": np.sqrt((3**2 + 4**2) / 2), "m/s^2": 0.0}, abs=1e-9)
 
 

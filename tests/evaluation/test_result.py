@@ -1,4 +1,4 @@
-"""evaluation.json keeps its promised keys, survives reading, and says what is wrong with a bad one."""
+"""Results keep their keys and compare; runs below a folder are found, filtered and sorted."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.compare import compare, p_value_text
 from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result, simplified
 from aerial_il.evaluation.rollouts import evaluate
+from aerial_il.evaluation.run_collection import RunCollection, read_runs
 from tests.evaluation.hover import GoThere, HoverBatch
+from tests.presentation.pages.test_run_report import make_run
 
 
 def fly(seeds: Any, *, dive: bool = False, **origin: Any) -> EvaluationResult:
@@ -68,13 +70,6 @@ def test_a_simplified_path_stays_close_however_long_it_is(length: int, seed: int
         share = np.clip((path[first : last + 1] - path[first]) @ stretch / (stretch @ stretch), 0, 1)
         away = path[first : last + 1] - path[first] - share[:, None] * stretch
         assert np.linalg.norm(away, axis=1).max() <= 0.005 + 1e-12
-
-
-def test_a_wild_flight_keeps_more_points_than_a_straight_one() -> None:
-    time_s = np.arange(1500) * 0.02
-    circling = np.stack([np.cos(4 * time_s), np.sin(4 * time_s), 0.01 * time_s], axis=1)
-    assert len(simplified(circling, 0.002)) > 500
-    assert len(simplified(np.outer(time_s, [1.0, 2.0, 3.0]), 0.002)) == 2
 
 
 @pytest.mark.parametrize(
@@ -148,3 +143,86 @@ def test_comparison_refuses_another_task(expert: EvaluationResult) -> None:
     other = EvaluationResult("carriage", "reach", "calm", "expert", expert.episodes, {})
     with pytest.raises(InvalidValueError, match="carriage/hover with carriage/reach"):
         compare(expert, other)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Four runs in two sweeps, and what stands about in such folders."""
+    for seed, rates in enumerate(((0.1, 0.9), (0.2, 0.7))):
+        make_run(tmp_path / "a" / f"seed={seed}", seed=seed, rates=rates)
+        make_run(tmp_path / "b" / f"seed={seed}", seed=seed, rates=(0.5, 0.3 + 0.1 * seed))
+    (tmp_path / "a" / "half").mkdir()
+    (tmp_path / "a" / "half" / "config.yaml").write_text("algorithm: bc\n")
+    make_run(tmp_path / "a" / "cut", rates=())
+    (tmp_path / "a" / "cut" / "metrics.jsonl").write_text('{"step": 1}\n{"st\n{"step": 3}\n')
+    (tmp_path / "holiday").mkdir()
+    (tmp_path / "holiday" / "photo.jpg").write_bytes(b"x")
+    (tmp_path / "notes.txt").write_text("x")
+    return tmp_path
+
+
+def names(result: RunCollection) -> list[str]:
+    return [result.name(run) for run in result.runs]
+
+
+def test_runs_are_found_at_any_depth_and_all_else_is_named(folder: Path) -> None:
+    result = read_runs(folder)
+    assert names(result) == ["a/seed=0", "a/seed=1", "b/seed=0", "b/seed=1"]
+    assert {str(place.relative_to(folder)): why[:12] for place, why in result.refused.items()} == {
+        "a/cut": f"{folder}/a/cut/metrics.jsonl"[:12],
+        "a/half": "half-written",
+        "holiday": "holds no tra",
+    }
+    assert result.axes == {"seed": [0, 1]}
+    row = result.rows[0]
+    assert (row["run"], row["state"], row["seed"], row["success"]) == ("a/seed=0", "finished", 0, 0.9)
+    assert all(set(other) == set(row) for other in result.rows)
+
+
+def test_a_run_alone_and_an_empty_folder_are_collections_too(folder: Path, tmp_path: Path) -> None:
+    assert names(read_runs(folder / "a" / "seed=0")) == ["."]
+    empty = read_runs(folder / "holiday")
+    assert (empty.rows, empty.refused, empty.where(["success>0.5"]).runs) == ([], {}, ())
+    with pytest.raises(InvalidValueError, match="aerial-il train"):
+        read_runs(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize(
+    ("conditions", "left"),
+    [
+        (["success>0.5"], ["a/seed=0", "a/seed=1"]),
+        (["success<=0.3"], ["b/seed=0"]),
+        (["seed=1", "run~a/*"], ["a/seed=1"]),
+        (["seed!=1", "success>=0.9"], ["a/seed=0"]),
+        (["state=finished", "success<0.35"], ["b/seed=0"]),
+        (["state>3"], []),
+        (["policy.name=nobody"], []),
+    ],
+)
+def test_conditions_leave_what_fulfils_all_of_them(folder: Path, conditions: list[str], left: list[str]) -> None:
+    assert names(read_runs(folder).where(conditions)) == left
+
+
+def test_what_is_no_condition_is_answered(folder: Path) -> None:
+    result = read_runs(folder)
+    with pytest.raises(InvalidValueError, match="not a condition"):
+        result.where(["success"])
+    with pytest.raises(UnknownNameError, match="Did you mean 'success'"):
+        result.where(["sucess>0.5"])
+    with pytest.raises(UnknownNameError, match="Did you mean 'success'"):
+        result.sorted_by("-sucess")
+
+
+def test_runs_are_sorted_by_numbers_upwards_and_downwards(folder: Path) -> None:
+    result = read_runs(folder)
+    assert names(result.sorted_by("success")) == ["b/seed=0", "b/seed=1", "a/seed=1", "a/seed=0"]
+    assert names(result.sorted_by("-success")) == ["a/seed=0", "a/seed=1", "b/seed=1", "b/seed=0"]
+    make_run(folder / "c", rates=())
+    assert names(read_runs(folder).sorted_by("-success"))[-1] == "c", "what was never flown stands last"
+
+
+def test_links_are_not_followed(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere")
+    make_run(elsewhere / "run")
+    (folder / "link").symlink_to(elsewhere)
+    assert "link/run" not in names(read_runs(folder))

@@ -34,5 +34,5 @@ def plugged_in(modules: Mapping[str, Mapping[str, str]]) -> Iterator[None]:
 
 def _forget() -> None:
     importlib.invalidate_caches()
-    for found in (registry.outside, tiers.get, robots.get, tasks.get, tasks.cells):
-        found.cache_clear()
+    for result in (registry.outside, tiers.get, robots.get, tasks.get, tasks.cells):
+        result.cache_clear()

@@ -29,7 +29,7 @@ class Altimeter(Sensor):
 
 
 @kernel
-def read(own, world, seen, found):
+def read(own, world, seen, result):
     upright = base_mat(world)[8]  # the truth: it measures by itself, whatever the robot believes
     distance = base_pos(world)[2] / upright if upright > 0.0 else own.reach
-    found[0] = min(own.reach, distance + own.deviation * gaussian(seed(world), tick(world), own.stream))
+    result[0] = min(own.reach, distance + own.deviation * gaussian(seed(world), tick(world), own.stream))

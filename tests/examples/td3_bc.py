@@ -16,20 +16,17 @@ from typing import ClassVar
 
 from torch import Tensor
 
-from aerial_il.algorithms.off_policy.hindsight import Hindsight
-from aerial_il.algorithms.off_policy.offline_first import learn_offline_first
+from aerial_il.algorithms.off_policy.loop import learn_offline_first
 from aerial_il.algorithms.off_policy.problems import from_demonstrations
-from aerial_il.algorithms.off_policy.settings import Critics, Replay
+from aerial_il.algorithms.off_policy.settings import Critics, Hindsight, Replay
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import Demonstrations
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.replay_buffer import Batch
-from aerial_il.algorithms.online.rewards import Source
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.online.smoothness import Smoothness
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.td3 import TwinDelayedAgent
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -73,15 +70,13 @@ class TD3BC(Algorithm):
     def problem(self, given: Given) -> Problem:
         return from_demonstrations(self, given)
 
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
+    def learn(self, run: OnlineRun) -> None:
         agent = CloningAgent(self, run.build_actor(SquashedGaussianNetwork), run.sizes)
-        return learn_offline_first(run, self, agent, agent.update)
+        learn_offline_first(run, self, agent, agent.update)
 
 
 class CloningAgent(TwinDelayedAgent):
     """The agent of ``td3``, whose actor is held near the actions of the minibatch."""
-
-    settings: TD3BC  # type: ignore[assignment]
 
     def actor_loss(self, batch: Batch) -> Tensor:
         """Return ``-lambda mean Q1(s, mu(s)) + mean |mu(s) - a|^2 / Da``, plus the smoothness loss."""

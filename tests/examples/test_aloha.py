@@ -98,7 +98,7 @@ def test_what_is_wrong_with_it_is_said_by_the_gate(tmp_path: Path) -> None:
     with h5py.File(folder / "episode_1.hdf5", "a") as file:
         file["action"][3, 2] = np.nan
     with pytest.raises(DemoError, match=r"episode_1 has a value that is not finite.*step 3, field actions\[2\]"):
-        open_dataset(folder)
+        open_dataset(folder, strict=True)
 
 
 def test_two_formats_that_know_one_file_are_named(tmp_path: Path) -> None:

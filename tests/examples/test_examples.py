@@ -13,7 +13,7 @@ from aerial_il import robots
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
-from tests.contract import test_cameras, test_disturbances, test_sensors
+from tests.contract import test_disturbances, test_scene, test_sensors
 from tests.contract.registered import batch, single
 from tests.examples import plugged_in
 
@@ -36,7 +36,7 @@ def added(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch, plugged_in(ALL):
         patch.syspath_prepend(str(place))
         patch.setattr(test_sensors, "CELLS", aerial_il.list_cells())
-        patch.setattr(test_cameras, "CELLS", aerial_il.list_cells())
+        patch.setattr(test_scene, "CELLS", aerial_il.list_cells())
         yield
     batch.cache_clear()
     single.cache_clear()
@@ -100,8 +100,8 @@ def test_an_altimeter_measures_height_with_its_noise() -> None:
 
 @pytest.mark.render
 def test_a_stereo_rig_sees_with_both_eyes() -> None:
-    test_cameras.test_a_camera_is_an_observation_of_its_size("stereo_quad")
-    test_cameras.test_each_sees_something_of_its_own("stereo_quad")
+    test_scene.test_a_camera_is_an_observation_of_its_size("stereo_quad")
+    test_scene.test_each_sees_something_of_its_own("stereo_quad")
     worlds = aerial_il.load_batch("stereo_quad", "hover", num_envs=1, cameras=("left", "right", "down"))
     obs = worlds.reset(0)
     assert obs["left_rgb"].shape == obs["right_rgb"].shape == (1, 96, 128, 3)

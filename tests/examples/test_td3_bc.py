@@ -45,7 +45,7 @@ def test_it_keeps_the_contract(test: Callable[..., None], request: pytest.Fixtur
     test(name=NAME, **{name: request.getfixturevalue(name) for name in others})
 
 
-def test_the_actor_stays_near_what_was_taken_unless_values_weigh_more() -> None:
+def test_the_actor_stays_near_unless_values_weigh_more() -> None:
     apart = []
     for alpha in (1e-3, 30.0):
         torch.manual_seed(0)

@@ -1,4 +1,4 @@
-"""The Adroit study: experts that solve their tasks, published rewards, and a report that says when nothing is there."""
+"""Studies on the Adroit hand: published rewards, what is shown, its control, and what can be missed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,17 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.rollouts import evaluate
 from experiments.adroit import tables as adroit_tables
+from experiments.adroit.people import flown_by_people
 from experiments.adroit.study import Adroit
 from experiments.adroit.tasks import TASKS, PublishedRewards, expert_of
+from experiments.adroit_rl.study import ASKED, CELLS, CLONE, CONTROL, AdroitRl, Arm, targets_of
+from experiments.common.outside import OutsideStages
+from experiments.common.record import Record
 from experiments.common.stages import steps_of
+from tests.experiments.results import result_with
 
 DATA = next(
     (p / "shared" / "data" / "adroit" for p in Path(__file__).resolve().parents if (p / "shared" / "data").is_dir()),
@@ -66,24 +71,6 @@ def test_a_missing_folder_is_said_and_skipped(tmp_path: Path) -> None:
         expert_of(TASKS["door"], tmp_path, noise=0.0)
 
 
-def test_what_targets_ask_for_is_trained_first() -> None:
-    clean = ({"demos": 15, "bc": 3},)
-    study = Adroit(policies={"mlp": {"chunk": 1}, "no_such_class": {}}, clean=clean, seeds=2)
-    points = study.points()
-    assert {(p.task, p.demos) for p in points[:2]} == {("door", 100), ("relocate", 100)}
-    assert {p.policy for p in points} == {"mlp"}
-    assert len(points) == len(set(points)) == 2 * (2 + 2) + 3
-
-
-def test_each_way_gets_its_number_of_trainings() -> None:
-    study = Adroit(clean=({"demos": 15, "bc": 4, "ask": 2},), interactive={"ask": None}, seeds=1)
-    trained = [(p.method, p.seed) for p in study.points() if p.clean]
-    assert trained == [("bc", 0), ("ask", 0), ("bc", 1), ("ask", 1), ("bc", 2), ("bc", 3)]
-    for wrong in ({"demos": 15, "asks": 1}, {"bc": 3}):
-        with pytest.raises(InvalidValueError, match="it names demos and any of bc"):
-            Adroit(clean=(wrong,))
-
-
 def test_a_control_takes_as_many_steps() -> None:
     training = BC(steps=100)
     asking = {"ask": DAgger(rounds=5, between_steps=40, training=training)}
@@ -118,3 +105,65 @@ def test_dagger_is_judged_beside_cloning_with_as_many_steps_only() -> None:
     equal = {**row(94.0, demos=15), "policy": "mlp-bc_as_dagger"}
     assert not list(adroit_tables.interactive_targets([dagger, short]))
     assert [t.met for t in adroit_tables.interactive_targets([dagger, short, equal])] == [False]
+
+
+@needs_experts
+def test_what_people_flew_fits_the_environment() -> None:
+    env = PublishedRewards(TASKS["door"], 1, CELLS["door"].max_steps)
+    shown = flown_by_people(TASKS["door"], DATA, env.spec)
+    env.close()
+    assert len(shown) == CELLS["door"].demos
+    assert {len(episode.obs["observation"]) - len(episode) for episode in shown} == {1}
+    assert max(map(len, shown)) < env.spec.max_steps
+    assert all((np.abs(episode.actions) <= 1.0).all() for episode in shown)
+
+
+def test_a_clone_was_not_trained_for_itself_and_has_no_minutes(tmp_path: Path) -> None:
+    stages = OutsideStages(record=Record(tmp_path))
+    row = AdroitRl()._row(Arm("door", CLONE, "environment"), [result_with(4, 1)], stages)
+    assert (row["minutes"], row["steps"], row["percent"]) == (None, 0, 25.0)
+
+
+@needs_experts
+def test_draws_differ_where_experts_fly(tmp_path: Path) -> None:
+    study, stages = AdroitRl(data=str(DATA)), OutsideStages(record=Record(tmp_path))
+    expert, people = (
+        [study.training(Arm(task, ASKED, "environment"), draw, stages).shown for draw in (0, 1)]
+        for task in ("relocate", "door")
+    )
+    assert expert[0] != expert[1]
+    assert people[0] == people[1]
+    control = study.training(Arm("door", CONTROL, "environment"), 0, stages)
+    assert control.shown is None
+    assert control.algorithm.steps == study.dapg.steps
+
+
+@needs_experts
+def test_a_control_that_never_sees_a_reward_flies_all_its_steps(tmp_path: Path) -> None:
+    study, stages = AdroitRl(data=str(DATA)), OutsideStages(record=Record(tmp_path))
+    arms = (Arm("door", CONTROL, reward) for reward in ("sparse", "environment"))
+    sparse, dense = (study.training(arm, 0, stages).algorithm for arm in arms)
+    assert sparse.reward_patience == 0
+    assert dense.reward_patience == study.npg.reward_patience
+
+
+def test_both_targets_can_be_missed() -> None:
+    default = {"steps": 1, "trainings": 1, "success": 1, "episodes": 1, "flights_low": 0.0, "flights_high": 100.0}
+    default |= {"trainings_low": None, "trainings_high": None, "worst": 0.0, "best": 0.0}
+
+    def verdicts(asked: float, control: float) -> list[bool | None]:
+        percents = {ASKED: asked, CONTROL: control}
+        rows = {Arm("door", name, "environment"): {**default, "percent": value} for name, value in percents.items()}
+        return [target.met for target in targets_of(rows)]
+
+    assert verdicts(80.0, 5.0) == [True, True]
+    assert verdicts(79.0, 6.0) == [False, False]
+
+
+def test_unknown_tasks_and_missing_data_are_answered(tmp_path: Path) -> None:
+    with pytest.raises(UnknownNameError, match="relocate"):
+        AdroitRl(tasks=("pen",))
+    with pytest.raises(InvalidValueError, match="start at 1"):
+        AdroitRl(worlds=0)
+    report = AdroitRl(data=str(tmp_path / "none")).run(tmp_path, progress=False)
+    assert "bench.data=FOLDER" in report.tables["Skipped"][0]["why"]

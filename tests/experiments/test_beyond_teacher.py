@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.bc_ppo import BCPPO
-from aerial_il.core.composition import build
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import changed
-from aerial_il.policies.mlp import MLP
+from aerial_il.core.errors import InvalidValueError
 from experiments.beyond_teacher.study import ASKED, CLONE, EXPERT, BeyondTeacher, targets_of, times_row
 from experiments.common.practised import Continued
 from experiments.common.stages import Stages
@@ -94,41 +88,3 @@ def test_what_practises_begins_with_the_very_clone_beside_it() -> None:
     assert practised.prior.decided_by() == trainings[CLONE].decided_by()
     with pytest.raises(InvalidValueError, match="start at 1"):
         BeyondTeacher(demos=0)
-
-
-def test_the_page_names_robot_and_demonstrator() -> None:
-    said = "Robot: fa_hexa_arm4, demonstrated by its scripted expert without noise, each task 200 times in calm."
-    assert BeyondTeacher()._flown() == said
-
-
-def test_a_task_can_have_settings_of_its_own() -> None:
-    own = {"exploration": {"noise": 0.07, "execute": 5}}
-    study = BeyondTeacher(suited={"insert_peg": own})
-    practised = {task: study.trainings(task, 0)[ASKED].algorithm for task in study.tasks}
-    assert practised == {
-        "pick_place": study.practising,
-        "insert_peg": changed(study.practising, own),
-    }
-    with pytest.raises(UnknownNameError, match="Did you mean 'noise'"):
-        BeyondTeacher(suited={"insert_peg": {"exploration": {"nose": 0.07}}})
-
-
-@pytest.mark.slow
-def test_a_small_study_runs_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    cloning = BC(steps=10, batch_size=16)
-    small = BeyondTeacher(
-        policy=MLP(hidden=(16,)),
-        cloning=cloning,
-        practising=build(BCPPO, {"steps": 20_000, "rollout": {"steps": 8_000}, "warmup": 1_000, "reward_patience": 0}),
-        tasks=("reach",),
-        demos=2,
-        draws=(0,),
-        episodes=2,
-        num_envs=2,
-    )
-    rows = small.run(tmp_path, progress=False).tables["Time to success"]
-    assert [row["arm"] for row in rows] == [EXPERT, CLONE, ASKED]
-    assert [row["flown"] > 0 for row in rows] == [False, False, True]
-    before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
-    small.run(tmp_path, progress=False)
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before

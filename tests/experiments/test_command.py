@@ -12,14 +12,11 @@ from typing import Any
 
 import pytest
 
-from aerial_il.cli import commands
 from aerial_il.cli.commands.project import bench
-from aerial_il.cli.compose import compose
 from aerial_il.cli.main import main
 from aerial_il.core import registry
 from aerial_il.policies.mlp import MLP
 from experiments.learning_curve.study import LearningCurve
-from experiments.panda.study import Panda
 
 SETTINGS = (
     "bench.robots=[fa_hexa_arm4]",
@@ -45,13 +42,6 @@ def test_the_command_names_only_what_differs_from_the_study() -> None:
     assert bench.rerun(study) == "aerial-il bench learning_curve save=true"
     said = bench.rerun(replace(study, policy=MLP(chunk=5, hidden=(8, 8))))
     assert shlex.split(said)[3:] == ["bench.policy.chunk=5", "bench.policy.hidden=[8,8]", "save=true"]
-
-
-def test_the_command_quotes_what_a_shell_would_take_apart() -> None:
-    study = Panda(tasks=("PandaReach-v3", "PandaPush-v3"), seeds=2)
-    said = shlex.split(bench.rerun(study))[3:-1]
-    assert said == ["bench.seeds=2"]
-    assert compose(commands.find("bench"), ["panda", *said]).bench == study
 
 
 def test_finished_work_is_forgotten_only_when_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

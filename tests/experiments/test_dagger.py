@@ -6,12 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
 from experiments.dagger import study as dagger
@@ -81,9 +78,3 @@ def test_each_way_of_asking_has_controls_of_its_own_cost() -> None:
         asked, control = arms[name, ""], arms[STEPS, name]
         assert (control.demos, control.algorithm.steps) == (asked.episodes, asked.steps)
         assert arms[EPISODES, name].algorithm.steps < control.algorithm.steps
-
-
-@pytest.mark.parametrize(("wrong", "said"), [({"arms": ("magic",)}, "magic"), ({"demos": 0}, "start at 1")])
-def test_impossible_settings_are_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises((InvalidValueError, UnknownNameError), match=said):
-        Dagger(**{**SMALL, **wrong})

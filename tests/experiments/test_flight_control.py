@@ -1,16 +1,17 @@
-"""The study of flight control: what its manoeuvres measure, and that a learner who cannot fly is seen to fail."""
+"""Studies of flight laws and of flying by learning: manoeuvres measure what they say, and a failure is seen."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.errors import InvalidValueError
-from experiments.common.figures import mismatch_lines
+from experiments.controllers.steps import step_figures
+from experiments.controllers.study import Controllers
 from experiments.flight_control.manoeuvres import (
     Held,
     Mismatch,
@@ -22,9 +23,6 @@ from experiments.flight_control.manoeuvres import (
     response_of,
 )
 from experiments.flight_control.pilots import LawPilot, PolicyPilot
-from experiments.flight_control.study import FlightControl, Training, success_row_of
-from experiments.flight_control.tables import MASSES, MOTORS, by_mismatch
-from tests.experiments.results import result_with
 
 SEEDS = np.array([10_000, 10_001])
 TIMES = 0.02 * np.arange(1, 201)
@@ -32,10 +30,10 @@ TIMES = 0.02 * np.arange(1, 201)
 
 def test_the_offset_under_too_much_mass_is_what_the_gains_say() -> None:
     """Without an observer a constant force f leaves f / (m kp); see docs/controllers.md."""
-    found = hold(LawPilot("geometric"), "calm", SEEDS, threads=1, mismatch=Mismatch(mass=1.3))
-    assert found.rmse_cm == pytest.approx(100.0 * 0.3 * GRAVITY / 20.0, rel=0.06)
-    assert found.power == pytest.approx(1.3**1.5, rel=0.02)
-    assert found.crashed == 0.0
+    result = hold(LawPilot("geometric"), "calm", SEEDS, threads=1, mismatch=Mismatch(mass=1.3))
+    assert result.rmse_cm == pytest.approx(100.0 * 0.3 * GRAVITY / 20.0, rel=0.06)
+    assert result.power == pytest.approx(1.3**1.5, rel=0.02)
+    assert result.crashed == 0.0
 
 
 def test_a_weak_motor_is_met_by_that_motor_alone() -> None:
@@ -93,45 +91,40 @@ def test_what_comes_after_a_crash_does_not_count() -> None:
     away = np.full((100, 2), 0.01)
     away[50:, 1] = np.nan
     thrust = np.where(np.isnan(away)[..., None], np.nan, 5.0) * np.ones(4)
-    found = held(away, away, thrust, 20.0, np.array([False, True]))
-    assert found == Held(1.0, 0.57, 1.0, 0.0, 0.5)
+    result = held(away, away, thrust, 20.0, np.array([False, True]))
+    assert result == Held(1.0, 0.57, 1.0, 0.0, 0.5)
 
 
-def test_trainings_and_settings() -> None:
-    study = FlightControl(seeds=2)
-    assert len(study.trainings()) == 3 * (2 + 1)
-    assert study.trainings()[0] == Training("hover", "ppo", 0)
-    assert [(t.algorithm, t.seed) for t in study.trainings() if t.task == "hover"] == [
-        ("ppo", 0),
-        ("sac", 0),
-        ("ppo", 1),
-    ]
-    with pytest.raises(InvalidValueError, match=r"entropy names \['fly'\]; valid: hover"):
-        FlightControl(entropy={"fly": 0.1})
-    with pytest.raises(InvalidValueError, match=r"laws names \['mpc'\]; valid: pid, lqr"):
-        FlightControl(laws=("mpc",))
+DT = 0.01
 
 
-def test_minutes_are_told_of_learners_alone() -> None:
-    learned = success_row_of("hover", "calm", "ppo", [result_with(4, 3), result_with(4, 4)], [600.0, 1200.0])
-    assert (learned["percent"], learned["minutes"]) == (87.5, 15.0)
-    assert success_row_of("hover", "calm", "pid", [result_with(4, 3)], [])["minutes"] is None
+def second_order(damping: float, omega: float = 4.0) -> np.ndarray:
+    """Unit step response of a second-order system, sampled for 6 s."""
+    t = DT * np.arange(1, 601)
+    fast = omega * np.sqrt(1.0 - damping**2)
+    phase = np.arccos(damping)
+    return 1.0 - np.exp(-damping * omega * t) * np.sin(fast * t + phase) / np.sin(phase)
 
 
-def test_a_task_may_explore_less_than_the_others() -> None:
-    study = FlightControl(entropy={"land": 0.003})
-    entropies = {t.task: study.learner(t).entropy for t in study.trainings() if t.algorithm == "ppo"}
-    assert entropies == {"hover": 0.01, "take_off": 0.01, "land": 0.003}
-    assert study.learner(Training("land", "sac", 0)) == study.sac
+@pytest.mark.parametrize("damping", [0.4, 0.6, 0.8])
+def test_a_second_order_system_is_that_of_the_textbook(damping: float) -> None:
+    result = step_figures(second_order(damping), DT)
+    overshoot = 100.0 * np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
+    assert result.overshoot_percent == pytest.approx(overshoot, abs=0.1)
+    assert result.rise_s == pytest.approx((2.16 * damping + 0.60) / 4.0, rel=0.1), "a rule of thumb for 0.3 to 0.8"
+    assert result.settling_s < 3.2 / (damping * 4.0)
+    assert result.offset_percent < 0.1
 
 
-def test_a_pilot_that_crashes_is_drawn_hollow() -> None:
-    def flown(crashed: float) -> dict[str, dict[str, object]]:
-        kinds = ["nominal", *(f"mass {m}" for m in MASSES), *(f"motor {m}" for m in MOTORS)]
-        return {"mismatch": {kind: asdict(Held(1.0, 2.0, 1.0, 3.0, crashed)) for kind in kinds}}
-
-    drawn = by_mismatch({"pid": [flown(0.0)], "ppo": [flown(0.0), flown(0.2)], "sac": [flown(0.9)]})["mass"]
-    assert [crashed for _, _, crashed in drawn["pid"]] == [False] * 7
-    assert [crashed for _, _, crashed in drawn["ppo"]] == [True] * 7
-    assert drawn["sac"] == []
-    assert "<svg" in mismatch_lines({"mass": drawn})
+def test_every_law_has_its_row_its_steps_and_its_tracking(tmp_path: Path) -> None:
+    settings = Controllers(
+        robots=("fa_hexa_arm4",), controllers=("geometric_observer", "lqr"), tiers=("calm",), seeds=1, settle_s=3.0,
+        step_s=3.0, tracking_s=0.5, threads=1,
+    )  # fmt: skip
+    report = settings.run(tmp_path, progress=False)
+    rows = report.tables["Flight laws"]
+    assert [row["controller"] for row in rows] == ["geometric_observer", "lqr"]
+    assert all(0.0 < row["hover_calm_cm"] < 8.0 and row["position_settling_s"] < 2.5 for row in rows)
+    assert set(report.figures) == {"steps.svg", "tracking.svg"}
+    assert all(target.met for target in report.targets)
+    json.dumps(report.to_dict(), allow_nan=False)

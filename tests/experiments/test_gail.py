@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import pytest
-
-from aerial_il.core.errors import InvalidValueError
 from experiments.common.record import Record
 from experiments.gail import ratios
-from experiments.gail import study as gail
 from experiments.gail.ratios import LIKE
 from experiments.gail.study import Gail, Point
 
@@ -21,46 +16,6 @@ from experiments.gail.study import Gail, Point
 def result(*returns: float) -> Any:
     """Stand in for an evaluation."""
     return SimpleNamespace(episodes=[SimpleNamespace(return_=value, success=value > 50) for value in returns])
-
-
-def test_every_task_has_learners_and_both_controls() -> None:
-    study = Gail(outside=("Hopper-v5",), suite={"reach": 250}, seeds=2, methods=("dac", "gail"))
-    points = study.points()
-    assert Point("Hopper-v5", "gail", "none", 1) in points
-    assert {p.method for p in points if p.task == "Hopper-v5"} == {"dac", "gail", gail.CLONE}
-    assert {p.method for p in points if p.task == "reach"} == {"gail", gail.CLONE}
-    assert {p.control for p in points if p.task == "reach"} == {"none", "random_actions", "constant_reward"}
-    assert len({p.place for p in points}) == len(points)
-    assert [p.seed for p in points] == sorted(p.seed for p in points)
-    apart = replace(study, apart={"Hopper-v5": {"seeds": 1, "controls": 0}}).points()
-    assert {(p.control, p.seed) for p in apart if p.task == "Hopper-v5"} == {("none", 0)}
-    assert [p for p in apart if p.task == "reach"] == [p for p in points if p.task == "reach"]
-
-
-def test_a_learner_is_told_its_task_and_its_control() -> None:
-    study = Gail(
-        apart={"reach": {"steps": 123}},
-        subsample=20,
-        suite_gail={"demonstrations": {"bounds": "demonstrations"}, "rollout": {"steps": 64}, "bc_pretrain_steps": 9},
-    )
-    own = study.learner_of(Point("reach", "gail", "constant_reward", 0))
-    shown = own.demonstrations
-    assert (own.steps, shown.subsample, shown.bounds, shown.control) == (123, 1, "demonstrations", "constant_reward")
-    clone = study.learner_of(Point("reach", gail.CLONE, "none", 0))
-    assert (clone.steps, clone.warmup, clone.bc_pretrain_steps) == (64, 64, 9), "reinforcement never moves it"
-    outside = study.learner_of(Point("Hopper-v5", "dac", "none", 0))
-    shown = outside.demonstrations
-    assert (shown.subsample, shown.bounds, shown.control) == (20, "environment", "none")
-    clone = study.learner_of(Point("Hopper-v5", gail.CLONE, "none", 0))
-    assert clone.steps < clone.warmup, "nor here"
-
-
-def test_experts_that_were_kept_are_taken(tmp_path: Path) -> None:
-    study, record = Gail(experts=str(tmp_path / "kept")), Record(tmp_path)
-    assert study.expert_run("Hopper-v5", record).parent == tmp_path / "experts"
-    (tmp_path / "kept" / "Hopper-v5" / "policy").mkdir(parents=True)
-    assert study.expert_run("Hopper-v5", record) == tmp_path / "kept" / "Hopper-v5"
-    assert Gail(experts=None).expert_run("Hopper-v5", record).parent == tmp_path / "experts"
 
 
 def test_trainings_differ_in_demonstrations_and_worlds(tmp_path: Path) -> None:
@@ -71,29 +26,6 @@ def test_trainings_differ_in_demonstrations_and_worlds(tmp_path: Path) -> None:
     many, like = (outside._decided_by(Point("Hopper-v5", method, "none", 0), record) for method in ("gail", LIKE))
     assert (many["worlds"], like["worlds"]) == (32, 8)
     assert many["algorithm"] == like["algorithm"]
-
-
-def test_rewards_are_drawn_where_networks_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    study, record = Gail(outside=("Hopper-v5",), suite={}, methods=("dac", "gail"), seeds=2), Record(tmp_path)
-    drawn: list[tuple[Path, int]] = []
-    monkeypatch.setattr(gail, "reward_along", lambda run, episode: drawn.append((run, episode)))
-    monkeypatch.setattr(gail, "shuffled", lambda episode: episode)
-    monkeypatch.setattr(Gail, "demonstrations", lambda self, task, draw, *more: [draw])
-
-    def keep(method: str, seed: int, *parts: str) -> Path:
-        run = study.run_of(Point("Hopper-v5", method, "none", seed), record)
-        for part in parts:
-            (run / part).mkdir(parents=True)
-            (run / part / "manifest.json").touch()
-        return run
-
-    keep("dac", 0, "reward"), keep(gail.CLONE, 0, "policy", "reward")
-    assert study._rewards(record, study.points()) == {}, "a reward without its policy, and a clone's, show nothing"
-    keep("gail", 0, "policy", "reward")
-    assert list(study._rewards(record, study.points())) == ["Hopper-v5, gail"]
-    first = keep("dac", 1, "policy", "reward")
-    assert list(study._rewards(record, study.points())) == ["Hopper-v5, dac"]
-    assert drawn[-2:] == [(first, 1)] * 2, "along a demonstration of the training's own draw"
 
 
 def test_ratios_are_to_the_expert(tmp_path: Path) -> None:
@@ -153,12 +85,3 @@ def test_too_few_trainings_are_not_compared() -> None:
     longer = {**arm(LIKE, 0.9), "steps": 2_000}
     assert [target.unit for target in ratios.peer_targets([longer, peer])] == ["times"], "nor are longer ones"
     assert not list(ratios.peer_targets([arm(LIKE, 0.9)]))
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="no method of this study"):
-        Gail(methods=("bc",))
-    with pytest.raises(InvalidValueError, match=r"apart.reach names \['sead'\]; valid: steps, seeds, controls"):
-        Gail(apart={"reach": {"sead": 2}})
-    with pytest.raises(InvalidValueError, match="start at 1"):
-        Gail(seeds=0)

@@ -1,4 +1,4 @@
-"""The study of imitation: what is flown, what its tables say, and that it flies only what is missing."""
+"""Studies of imitation, of its experts, of pixels and of hands: what is flown, and what their tables say."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ from typing import Any
 import pytest
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
 from experiments.common.stages import Cloned
+from experiments.experts import study as experts
+from experiments.experts.study import distinct
+from experiments.human_data.study import TEACHERS, ClonedDriver, HumanData
 from experiments.imitation import study as imitation
 from experiments.imitation.study import Flight, Imitation
+from experiments.pixels import study as pixels
 from tests.experiments.results import result_with
 
 ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
@@ -42,33 +47,6 @@ def test_every_manipulation_task_is_flown_in_three_draws() -> None:
     assert cells == {c for c in imitation.aerial_il.list_cells() if c[0] in ROBOTS and c[1] != "hover"}
     assert {f["draw"] for f in flights} == {0, 1, 2}
     assert len(flights) == len(cells) * 3 * len(study.flown_in)
-
-
-def test_sizes_are_tried_in_every_draw() -> None:
-    study = Imitation(**{**SMALL, "sizes": (1, 2)})
-    assert [(f.training.demos, f.training.source.draw) for f in study.planned_flights()] == [
-        (2, 0),
-        (2, 1),
-        (1, 0),
-        (1, 1),
-    ]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"tasks": ("hover",)}, "task"),
-        ({"methods": ("act",)}, "method"),
-        ({"algorithms": {}}, "differ"),
-        ({"first_episode": 9_999}, "from 10000"),
-        ({"episodes": 0}, "start at 1"),
-        ({"draws": ()}, "at least one"),
-        ({"flown_in": ("storm",)}, "storm"),
-    ],
-)
-def test_impossible_settings_are_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises((InvalidValueError, UnknownNameError), match=said):
-        Imitation(**{**SMALL, **wrong})
 
 
 def flown(*rates: tuple[str, int, int]) -> dict[Flight, EvaluationResult]:
@@ -131,3 +109,41 @@ def test_an_arm_that_is_added_flies_itself_only(tmp_path: Path) -> None:
 
     Imitation(**{**SMALL, "algorithms": {"mlp": BC(steps=11, batch_size=16)}}).run(tmp_path, progress=False)
     assert len(list(tmp_path.rglob("evaluation.json"))) == 3 * len(kept), "other steps are another training"
+
+
+def test_tiers_in_which_the_flights_are_the_same_count_once() -> None:
+    calm, hard = result_with(4, 4), result_with(4, 2)
+    assert distinct({"calm": calm, "breeze": calm, "hard": hard}) == {"calm": ["breeze"], "hard": []}
+
+
+def test_every_target_can_be_missed() -> None:
+    cells = [("big_four_z1", "inspect_contact"), ("ua_quad_arm4", "insert_peg"), ("ua_quad_arm4", "reach")]
+    none = {"percent": 0.0, "ci95_low": 0.0, "ci95_high": 2.0, "success": 0, "episodes": 200}
+    rows = [{"robot": r, "task": t, "tier": tier, **none} for r, t in cells for tier in ("calm", "gusts", "hard")]
+    targets = list(experts.targets_of(rows))
+    assert [t.limit for t in targets] == [99.0, 95.0, 85.0, 99.0, 95.0, 95.0, 99.0, 95.0]
+    assert not any(target.met for target in targets)
+
+
+def test_a_target_asks_for_more_than_the_blind_reach() -> None:
+    seeing = {"task": "reach", "sees": "images", "percent": 60.0, "flights_low": 50.0, "flights_high": 69.0}
+    seeing |= {"trainings_low": None, "trainings_high": None}
+    blind = {**seeing, "sees": "blind", "percent": 40.0, "flights_high": 49.0}
+    assert [target.met for target in pixels.targets_of([seeing, blind])] == [True]
+    assert [target.met for target in pixels.targets_of([seeing, {**blind, "flights_high": 51.0}])] == [False]
+
+
+SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")
+
+
+def test_only_the_drivers_arm_is_suited_to_hands() -> None:
+    found = {teacher: training for _, teacher, training in HumanData(arms=("flow",), draws=(0,)).all_trainings()}
+    driver, recorded, script = (found[teacher] for teacher in TEACHERS)
+    assert isinstance(driver, ClonedDriver)
+    assert isinstance(recorded, ClonedDriver)
+    assert isinstance(script, Cloned)
+    assert (driver.algorithm.waypoints, driver.policy.relative) == (SUITED, True)
+    for other in (recorded, script):
+        assert (other.algorithm.waypoints, other.policy.relative) == (BC.waypoints, False)
+    assert driver.driven == recorded.driven
+    assert {training.policy.name for training in found.values()} == {"flow"}

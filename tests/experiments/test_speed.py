@@ -1,21 +1,24 @@
-"""The speed benchmark compares arms that do the same work."""
+"""Studies of speed compare arms that do the same work: stepping, learning and recording."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.policies.mlp import MLP
 from aerial_il.suite.batch import BatchEnvironment
 from experiments.common.stopwatch import Arm, interleave
+from experiments.policies.study import OneByOne, Policies, prepared_for
+from experiments.recording.study import collecting_row, file_rows
 from experiments.speed import study as speed
-from experiments.speed.study import PARTS, RATES, SECTIONS, SPEED, Speed, time_of_a_step
+from experiments.speed.study import SECTIONS, Speed, time_of_a_step
 from experiments.speed.workload import RawPhysics, Workload, fly_again, record
+from tests.algorithms.point_mass import demonstrations
 
 STEPS, WORLDS = 30, 2
 
@@ -98,16 +101,33 @@ def test_end_to_end_with_gymnasium_and_demonstrations(tmp_path: Path, monkeypatc
     json.dumps(report.to_dict(), allow_nan=False)
 
 
-@pytest.mark.usefixtures("few")
-def test_a_cell_is_timed_once_with_the_same_settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    timed: list[tuple[str, str]] = []
-    row = {"robot": "quad", "task": "hover", "flight_us": 1.0, "python_us": 1.0, "total_us": 2.0}
-    tables = {SPEED: [row], PARTS: [row], RATES: [row]}
-    monkeypatch.setattr(Speed, "_timed", lambda _, *cell: timed.append(cell) or tables)
-    monkeypatch.setattr(speed, "first_flight", lambda *_, **__: {"median_s": 1.0})
-    quad = Speed(robots=("quad",), tasks=("hover",))
-    reports = [quad.run(tmp_path, progress=False) for _ in range(2)]
-    assert timed == [("quad", "hover")]
-    assert reports[0].tables == reports[1].tables
-    replace(quad, repetitions=3).run(tmp_path, progress=False)
-    assert len(timed) == 2, "with other settings it is timed anew"
+def test_the_loader_gives_the_windows_that_training_gathers() -> None:
+    demos, config = demonstrations(3), MLP(history=3, chunk=7)
+    _, training, interface = prepared_for(config, demos)
+    one_by_one = OneByOne(demos, interface, config)
+    assert len(one_by_one) == len(training)
+    index = np.array([0, 1, len(demos[0]) - 1, len(demos[0]), len(training) - 1])
+    for i, *gathered in zip(index, *training.gather(index), strict=True):
+        for own, loaded in zip(gathered, one_by_one[int(i)], strict=True):
+            np.testing.assert_allclose(loaded, own, atol=1e-5)
+
+
+def test_end_to_end(tmp_path: Path) -> None:
+    settings = Policies(
+        policies=("mlp",), demonstrations=1, calls=10, num_envs=3, batch_size=8, steps=1, repetitions=1, workers=0
+    )
+    report = settings.run(tmp_path, progress=False)
+    (acting,), (learning,) = report.tables["Time to act"], report.tables["Optimisation steps per second"]
+    assert 0 < acting["alone_p50_ms"] <= acting["alone_p99_ms"]
+    assert np.isclose(learning["ratio_loader"], learning["own_per_s"] / learning["loader_per_s"], rtol=0.05)
+    assert [target.limit for target in report.targets] == [20.0, 2.0, 2.0]
+    json.dumps(report.to_dict(), allow_nan=False)
+
+
+MEASURED = {"flown": [10.0, 20.0, 10.0], "collected": [9.0, 18.0, 5.0], "read": [400.0, 100.0, 500.0]}
+
+
+def test_shares_are_formed_within_a_turn() -> None:
+    row = collecting_row(MEASURED)
+    assert (row["collected_per_minute"], row["share_percent"], row["share_range"]) == (540, 10.0, "10.0-50.0")
+    assert list(file_rows(MEASURED)) == [{"work": "read", "episodes_per_s": 400.0}]

@@ -5,9 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import pytest
-
-from aerial_il.core.errors import InvalidValueError
 from experiments.wind.study import Wind
 
 
@@ -23,11 +20,3 @@ def test_it_compares_with_theory_and_shows_each_vehicle(tmp_path: Path) -> None:
     assert len(report.targets) == 6
     assert set(report.figures) == {"spectra.svg", "drag.svg"}
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-@pytest.mark.parametrize(
-    ("settings", "says"), [({"tiers": ("calm",)}, "No wind in calm"), ({"duration_s": 1.0}, "163.84")]
-)
-def test_wrong_settings_are_refused(settings: dict[str, object], says: str) -> None:
-    with pytest.raises(InvalidValueError, match=says):
-        Wind(**settings)  # pyright: ignore[reportArgumentType]

@@ -1,4 +1,4 @@
-"""What a policy refuses, and what each world's actions depend on."""
+"""Policies of chunks: history, plan and memory of every world follow their definition, whatever is reset when."""
 
 from __future__ import annotations
 
@@ -8,13 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.bc import BC
 from aerial_il.core import checkpoint
 from aerial_il.core.contracts import attach
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.policies import load_policy
+from aerial_il.policies.diffusion import Diffusion
 from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.network import PolicySettings
+from tests.algorithms.drift import Drift, demonstrations
 from tests.algorithms.point_mass import SPEC, PointMassBatch
 from tests.policies.test_registry import fresh_policy
 
@@ -48,7 +53,7 @@ def test_without_an_anchor_positions_stay_in_the_world() -> None:
 
 def test_blindness_leaves_out_fields_unless_they_are_asked_for() -> None:
     assert "gripper" not in Layout.of(SPEC, MLP()).names
-    assert Layout.of(SPEC, MLP(blind_to=())).names == SPEC.observation.state_names
+    assert Layout.of(SPEC, MLP(masked_fields=())).names == SPEC.observation.state_names
     assert Layout.of(SPEC, MLP(obs_names=("ee_pos", "gripper"))).names == ("ee_pos", "gripper")
 
 
@@ -138,3 +143,102 @@ def test_a_policy_of_another_make_is_refused(tmp_path: Path) -> None:
         with pytest.raises(CheckpointError, match="no policy that this release can rebuild") as refused:
             load_policy(folder)
         assert why in str(refused.value)
+
+
+N, TA, DA, STEPS = 5, 6, 3, 40
+
+
+def some_resets(rng: np.random.Generator) -> np.ndarray:
+    """(STEPS, N) bool: at which steps a world starts anew; all of them at step 0."""
+    resets = rng.random((STEPS, N)) < 0.08
+    resets[0] = True
+    return resets
+
+
+@pytest.mark.parametrize("length", [1, 2, 4])
+def test_history_repeats_the_first_observation_of_an_episode(length: int) -> None:
+    rng = np.random.default_rng(length)
+    resets, frames = some_resets(rng), rng.normal(size=(STEPS, N, 7))
+    history = ObservationHistory(length)
+    for t in range(STEPS):
+        history.reset(resets[t])
+        seen = history.push(frames[t])
+        for i in range(N):
+            start = np.flatnonzero(resets[: t + 1, i])[-1]
+            wanted = frames[np.maximum(np.arange(t - length + 1, t + 1), start), i]
+            np.testing.assert_array_equal(seen[i], wanted)
+
+
+@pytest.mark.parametrize("execute", [1, 2, 6])
+@pytest.mark.parametrize("coefficient", [0.01, 0.5, -0.3, None])
+def test_a_plan_is_the_weighted_mean_of_chunks_for_the_step(execute: int, coefficient: float | None) -> None:
+    rng = np.random.default_rng(execute)
+    resets, chunks = some_resets(rng), rng.normal(size=(STEPS, N, TA, DA)).astype(np.float32)
+    plan = ActionPlan(TA, execute, coefficient)
+    planned: list[list[int]] = [[] for _ in range(N)]  # steps at which each world planned, in this episode
+    for t in range(STEPS):
+        plan.reset(resets[t])
+        due = plan.due(N)
+        plan.add(chunks[t, due], due)
+        actions = plan.pop()
+        for i in range(N):
+            planned[i] = [] if resets[t, i] else planned[i]
+            assert due[i] == (not planned[i] or t - planned[i][-1] >= execute)
+            planned[i] += [t] if due[i] else []
+            reaching = [s for s in planned[i] if t - s < TA]
+            proposals = np.array([chunks[s, i, t - s] for s in reaching], np.float64)
+            weights = np.exp(-(coefficient or 0.0) * np.arange(len(reaching)))
+            weights = np.eye(len(reaching))[-1] if coefficient is None else weights / weights.sum()
+            np.testing.assert_allclose(actions[i], weights @ proposals, atol=1e-5)
+
+
+def test_a_world_forgets_completely_when_reset() -> None:
+    """Its first action is bit-equal to the chunk's, so results do not depend on who flew in the world before."""
+    rng = np.random.default_rng(0)
+    plan, mask = ActionPlan(TA), np.array([True, False])
+    for _ in range(7):
+        plan.add(rng.normal(scale=1e3, size=(2, TA, DA)).astype(np.float32), np.ones(2, bool))
+        plan.pop()
+    plan.reset(mask)
+    chunk = rng.normal(size=(2, TA, DA)).astype(np.float32)
+    plan.add(chunk, np.ones(2, bool))
+    np.testing.assert_array_equal(plan.pop()[0], chunk[0, 0])
+
+
+@pytest.mark.parametrize("execute", [0, TA + 1])
+def test_execute_must_fit_into_the_chunk(execute: int) -> None:
+    with pytest.raises(InvalidValueError, match=r"\[1, 6\]"):
+        ActionPlan(TA, execute)
+
+
+CHUNKS = {"chunk": 4, "anchor": None, "masked_fields": ()}
+CASES: dict[str, PolicySettings] = {
+    "averaged": MLP(hidden=(8,), history=2, execute=1, ensemble=0.1, **CHUNKS),
+    "one after the other": MLP(hidden=(8,), execute=3, ensemble=None, **CHUNKS),
+    "with chance": Diffusion(**CHUNKS),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_a_policy_goes_on_in_the_middle_of_its_plans(tmp_path: Path, case: str) -> None:
+    short = BC(steps=3, batch_size=8, warmup_steps=1, validation=0.0, validate_every=0)
+    short.train(demonstrations(4), CASES[case], run=tmp_path, progress=False)
+    policy, other = load_policy(tmp_path), load_policy(tmp_path).fresh()
+    env = Drift(3)
+    obs = env.reset(0)
+    for step in range(5):
+        if step == 2:
+            policy.reset(np.array([False, True, False]))  # plans of different ages
+        obs = env.step(policy.act(obs)).obs
+    memory = policy.memory()
+    other.recall(memory)
+    forgetful, first = policy.fresh(), policy.act(obs)
+    assert not np.array_equal(forgetful.act(obs), first), "what is remembered decides"
+    np.testing.assert_array_equal(other.act(obs), first)
+    policy.recall(memory)
+    np.testing.assert_array_equal(policy.act(obs), first)
+    for _ in range(4):
+        obs = env.step(policy.act(obs)).obs
+        other.act(obs)
+    policy.recall(memory)
+    assert set(memory) == set(policy.memory())

@@ -118,7 +118,7 @@ def test_a_turned_and_moved_world_looks_the_same() -> None:
 
 def test_without_its_own_pose_a_turned_world_looks_the_same() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
-    blind = Layout.of(spec, MLP(relative=True, blind_to=("base_*", "joint_*", "gripper", "ee_*")))
+    blind = Layout.of(spec, MLP(relative=True, masked_fields=("base_*", "joint_*", "gripper", "ee_*")))
     assert blind.unseen == ("ee_pos", "ee_rot6d")
     assert not any(name.startswith(("base_", "joint_")) for name in blind.names)
     obs, moved = turned_and_moved(spec, blind)
@@ -129,7 +129,7 @@ def test_without_its_own_pose_a_turned_world_looks_the_same() -> None:
 
 def test_the_anchor_can_be_hidden() -> None:
     spec = Scenario("fa_hexa_arm4", "press_button").spec
-    layout = Layout.of(spec, MLP(blind_to=("ee_pos",)))
+    layout = Layout.of(spec, MLP(masked_fields=("ee_pos",)))
     assert layout.unseen == ("ee_pos",)
     obs, _ = turned_and_moved(spec, layout)
     shifted = {

@@ -109,12 +109,12 @@ def test_a_resnet_from_random_weights_sees_too() -> None:
 
 
 def test_fields_are_hidden_by_pattern_down_to_images_alone() -> None:
-    assert Layout.of(SEEN, MLP(blind_to=("*_pos",), anchor=None)).names == ("ee_rot6d", "gripper")
-    policy = fresh_policy(obs_names=(), blind_to=("*",), anchor=None)
+    assert Layout.of(SEEN, MLP(masked_fields=("*_pos",), anchor=None)).names == ("ee_rot6d", "gripper")
+    policy = fresh_policy(obs_names=(), masked_fields=("*",), anchor=None)
     assert policy.interface.layout.names == ()
     assert policy.act(look(2, np.random.default_rng(0))).shape == (2, 10)
     with pytest.raises(InvalidValueError, match="neither a state field nor an image"):
-        Layout.of(SEEN, MLP(blind_to=("*",), anchor=None))
+        Layout.of(SEEN, MLP(masked_fields=("*",), anchor=None))
 
 
 def test_other_cameras_and_sizes_are_refused_and_both_are_named() -> None:

@@ -28,7 +28,7 @@ def choosing(command: str) -> list[Key]:
 
 def together() -> list[tuple[str, list[str]]]:
     """Return commands with words that choose something at each such key, until everything was chosen somewhere."""
-    found = list[tuple[str, list[str]]]()
+    result = list[tuple[str, list[str]]]()
     for command in commands.names():
         words = {
             key.name: [
@@ -37,9 +37,9 @@ def together() -> list[tuple[str, list[str]]]:
             for key in choosing(command)
         }
         alone = words.pop("experiment", [])
-        found += [(command, [word]) for word in alone]
-        found += [(command, [w for w in each if w is not None]) for each in zip_longest(*words.values())]
-    return found
+        result += [(command, [word]) for word in alone]
+        result += [(command, [w for w in each if w is not None]) for each in zip_longest(*words.values())]
+    return result
 
 
 @pytest.mark.parametrize("kind", ["policy", "algorithm", "gate", "launcher", "sweeper"])
@@ -70,11 +70,11 @@ def test_a_preset_repeats_no_default(kind: str, name: str) -> None:
     ("command", "words"), together(), ids=lambda value: value if isinstance(value, str) else "+".join(value)
 )
 def test_every_choice_of_every_command_composes(command: str, words: list[str]) -> None:
-    found = commands.find(command)
+    result = commands.find(command)
     said = {word.partition("=")[0] for word in words}
-    needed = [key for key in keys(found.settings) if not key.default and key.name not in said]
+    needed = [key for key in keys(result.settings) if not key.default and key.name not in said]
     least = [f"{key.name}={key.options[0] if key.options else 'x'}" for key in needed]
-    assert isinstance(compose(found, [*least, *words]), found.settings)
+    assert isinstance(compose(result, [*least, *words]), result.settings)
 
 
 @pytest.mark.parametrize("name", commands.names())

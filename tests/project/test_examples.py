@@ -22,7 +22,7 @@ from aerial_il.suite import tasks
 from aerial_il.suite.tasks import CellError
 from aerial_il.teleop import devices
 from tests.algorithms import drift
-from tests.contract import test_algorithms, test_success
+from tests.contract import placed, test_algorithms, test_success
 from tests.contract.test_feasibility import solved
 
 ROOT = Path(__file__).parents[2]
@@ -82,11 +82,11 @@ def test_the_robot_flies_and_declines(added: None) -> None:
 def test_the_policy_learns(added: None, tmp_path: Path) -> None:
     policy = policies.get("linear")(chunk=1, ensemble=None, anchor=None)
     settings = BC(steps=300, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
-    begun, learned = (
+    started, learned = (
         BC.train(each, drift.demonstrations(20), policy, run=tmp_path / name, progress=False)
         for name, each in (("begun", BC(steps=1, validation=0.0)), ("learned", settings))
     )
-    assert drift.mean_reward(learned) > drift.mean_reward(begun) + 0.05
+    assert drift.mean_reward(learned) > drift.mean_reward(started) + 0.05
 
 
 def test_the_algorithm_fulfils_its_contract(added: None, tmp_path: Path) -> None:
@@ -115,9 +115,9 @@ def test_the_task_is_solved_by_its_expert_and_judged_alike(added: None, monkeypa
     text = (ROOT / "docs/writing_a_task.md").read_text(encoding="utf-8")
     rule = re.search(r"^## The second definition of success.*?```python\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     assert rule
-    found = dict(vars(test_success))
-    exec(rule[1], found)
-    monkeypatch.setitem(test_success.RULES, "touch_point", test_success.Rule(found["tips_at_point"], found["TOUCH"]))
+    result = {**vars(placed), **vars(test_success)}
+    exec(rule[1], result)
+    monkeypatch.setitem(test_success.RULES, "touch_point", test_success.Rule(result["tips_at_point"], result["TOUCH"]))
     test_success.check("touch_point", test_success.judged)
     with pytest.raises(AssertionError, match="the task says True, the instruction False"):
         test_success.check("touch_point", lambda env: np.ones(env.num_envs, bool))

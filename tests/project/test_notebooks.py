@@ -76,7 +76,7 @@ def test_what_is_out_of_step_is_found(change: str, tmp_path: Path) -> None:
     assert not house.in_step(source)
 
 
-def test_another_language_gets_the_outputs_only_for_the_same_code(tmp_path: Path) -> None:
+def test_another_language_has_outputs_of_the_same_code(tmp_path: Path) -> None:
     house, source, other = builder(), tmp_path / "01_sum.py", tmp_path / "other.py"
     source.write_text(SMALL)
     executed = jupytext.read(source)

@@ -14,10 +14,9 @@ from aerial_il.core.errors import AerialError
 
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = (ROOT / "requirements.lock").read_text()
-SETUP = ROOT / "setup" / "environment.sh"
 
 
-def test_the_lock_pins_and_hashes_everything_and_names_no_address() -> None:
+def test_the_lock_pins_hashes_and_names_no_address() -> None:
     assert "://" not in LOCK
     for requirement in re.split(r"\n(?=\S)", LOCK.strip()):
         assert re.match(r"[\w.\-]+==\S+", requirement), requirement[:80]
@@ -42,13 +41,13 @@ def test_a_script_is_valid_posix_shell(script: Path) -> None:
 
 
 @pytest.mark.parametrize(("words", "said"), [((), "bookworm"), (("sid",), "trixie"), (("trixie", "tour"), "notebook")])
-def test_a_newcomer_s_path_that_there_is_not_is_refused_with_the_choices(words: tuple[str, ...], said: str) -> None:
+def test_an_unknown_path_of_a_newcomer_lists_the_choices(words: tuple[str, ...], said: str) -> None:
     done = subprocess.run([ROOT / "setup" / "newcomer.sh", *words], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert said in done.stderr
 
 
-def test_a_newcomer_gets_this_machine_s_way_to_the_network_and_nothing_else_of_it(tmp_path: Path) -> None:
+def test_a_newcomer_gets_the_way_to_the_network_alone(tmp_path: Path) -> None:
     script = (ROOT / "setup" / "newcomer.sh").read_text()
     enter = script[script.index("NETWORK=") : script.index("inside() {")]
     chroot = tmp_path / "chroot"
@@ -81,7 +80,7 @@ def test_continuous_integration_runs_the_command_that_people_run() -> None:
     assert os.access(ROOT / ".ci" / "run", os.X_OK)
 
 
-def test_a_set_up_interpreter_that_does_not_run_is_refused_by_name(tmp_path: Path) -> None:
+def test_an_interpreter_that_does_not_run_is_named(tmp_path: Path) -> None:
     """In a copy of the checkout's set-up alone, so that nothing is installed."""
     (tmp_path / "setup").mkdir()
     for name in ("requirements.lock", "pyproject.toml", "setup/environment.sh"):
@@ -106,7 +105,7 @@ def test_a_machine_without_pictures_says_what_to_install(monkeypatch: pytest.Mon
         rendering.require_rendering("cameras=[wrist]")
 
 
-def test_a_back_end_that_does_not_exist_is_reported_and_not_chosen() -> None:
+def test_a_back_end_that_does_not_exist_is_not_chosen() -> None:
     assert "nonsense" in rendering.probe_backend("nonsense")
 
 

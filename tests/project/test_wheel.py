@@ -31,8 +31,8 @@ assert (package / "py.typed").is_file()
 
 def files(folder: Path) -> set[str]:
     """Return the files of a package, caches of compiled code left out."""
-    found = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
-    return {str(path.relative_to(folder)) for path in found}
+    result = (path for path in folder.rglob("*") if path.is_file() and "__pycache__" not in path.parts)
+    return {str(path.relative_to(folder)) for path in result}
 
 
 def ran(*words: object, cwd: Path) -> str:
@@ -70,7 +70,7 @@ def test_an_installed_wheel_does_all_that_a_checkout_does(tmp_path: Path) -> Non
     assert files(package) == shipped, "user data goes to the working directory"
 
 
-def test_the_image_installs_what_setup_would_and_runs_what_people_type() -> None:
+def test_the_image_installs_what_setup_would() -> None:
     recipe, setup = (ROOT / "Dockerfile").read_text(), (ROOT / "setup" / "environment.sh").read_text()
     (drawing,) = [line for line in setup.splitlines() if line.strip().startswith('packages="')]
     for package in [*drawing.split('"')[1].split(), "python3", "python3-venv", "make"]:

@@ -109,7 +109,7 @@ def outcomes(kind: str, numbers: range, target: Target, scratch: Path) -> Iterat
 
 
 def _episodes(path: Path) -> Any:
-    return {episode.uid: content_digest(episode) for episode in open_dataset(path)}
+    return {episode.uid: content_digest(episode) for episode in open_dataset(path, strict=True)}
 
 
 def _run(path: Path) -> Any:

@@ -12,8 +12,8 @@ from tests.safety.hostile import Sound
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
     "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
-    "flight_tier", "flights", "hardware", "host", "key_file", "operator", "prune", "sort", "success", "time_scale",
-    "tracker", "ui", "viewer", "where",
+    "filter_key", "flight_tier", "flights", "hardware", "host", "key_file", "operator", "prune", "sort", "success",
+    "time_scale", "tracker", "ui", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
@@ -37,14 +37,13 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
 
     A new command or key must say it here; that it does is tested.
     """
-    home, train = sound.run.parent, ["run=new", *CLONE, "threads=1", QUIET]
+    train = ["run=new", *CLONE, "threads=1", QUIET]
     dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
     return {
         ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
         ("collect", "expert"): ["robot=quad", "task=hover", "out=flown", *FLOWN],
         ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],
-        ("compare", "a"): [f"b={home / 'judged'}"],
-        ("compare", "b"): [f"a={home / 'judged'}"],
+        ("compare", "result"): [],
         ("convert", "path"): ["out=converted", QUIET],
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
@@ -75,8 +74,3 @@ def words(name: str, key: str, value: object, sound: Sound) -> list[str]:
     """Return the command line that has a command open ``value`` through one of its keys."""
     typed = f"{{10:{value}}}" if key == "learning_curve" else value
     return [name, f"{key}={typed}", *beside(sound)[name, key]]
-
-
-def writes(name: str) -> str:
-    """Return the key of a command's results."""
-    return commands.find(name).output

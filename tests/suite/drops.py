@@ -28,12 +28,12 @@ PLACES = 16  # seeds whose fixtures are dropped upon
 @cache
 def loose_objects() -> tuple[tuple[str, str], ...]:
     """(task, free joint) of every object that is not the robot."""
-    found = []
+    result = []
     for task in tasks.names():
         model = mujoco.MjModel.from_xml_string(build_xml(robots.get(_robot(task)), tasks.get(task)))
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-        found += [(task, name) for name in (model.joint(j).name for j in free) if name != BASE]
-    return tuple(found)
+        result += [(task, name) for name in (model.joint(j).name for j in free) if name != BASE]
+    return tuple(result)
 
 
 def props_of(task: str) -> mujoco.MjSpec:
@@ -87,7 +87,7 @@ class Drop:
             "gained energy": self.energy > ENERGY_SHARE,
             "bounced higher than it fell from": self.rebound > 0.0,
         }
-        return tuple(name for name, found in judged.items() if found)
+        return tuple(name for name, result in judged.items() if result)
 
 
 def drop(model: mujoco.MjModel, joint: str, places: tuple[dict[str, np.ndarray], ...], seed: int) -> Drop:
@@ -148,9 +148,9 @@ def _reach_down(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
 
 def _ray(model: mujoco.MjModel, data: mujoco.MjData, body: int, height: float) -> tuple[int, float]:
     """First geom straight below ``height`` m over the body's middle, and how far down it is, m."""
-    found, start = np.zeros(1, np.int32), np.array([*data.qpos[:2], height])
-    distance = mujoco.mj_ray(model, data, start, DOWN, None, True, body, found)
-    return int(found[0]), distance
+    result, start = np.zeros(1, np.int32), np.array([*data.qpos[:2], height])
+    distance = mujoco.mj_ray(model, data, start, DOWN, None, True, body, result)
+    return int(result[0]), distance
 
 
 def _below(model: mujoco.MjModel, data: mujoco.MjData, body: int, height: float) -> int:

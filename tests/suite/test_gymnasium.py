@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.wrappers.vector import DictInfoToList, RecordEpisodeStatistics
 
 import aerial_il
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
@@ -268,14 +267,6 @@ def test_worlds_that_are_over_may_wait_for_their_reset() -> None:
     with pytest.raises(UnknownNameError, match="SAME_STEP"):
         make_vector(2, autoreset_mode="later")
     env.close()
-
-
-def test_vector_wrappers_work(vector: VectorEnvironment) -> None:
-    env = RecordEpisodeStatistics(DictInfoToList(vector).env)
-    env.reset(seed=0)
-    for _ in range(6):
-        *_, info = env.step(vector.action_space.sample())
-    assert info["episode"]["l"].tolist() == [6, 6, 6]
 
 
 def test_seeds_come_as_one_number_or_as_many_as_worlds(vector: VectorEnvironment) -> None:

@@ -15,7 +15,6 @@ from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, foll
 from aerial_il.suite.physics.hooks import EFFECTS
 from tests.contract.registered import CELLS, batch, hold_actions, single
 
-DT = 0.004
 STEP_S = 0.02
 FLYING = [name for name in robots.names() if not robots.get(name).fixed]
 each_robot = pytest.mark.parametrize("robot", FLYING)

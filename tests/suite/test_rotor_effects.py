@@ -143,16 +143,6 @@ def test_the_page_has_the_figures(name: str) -> None:
 
 
 @each_robot
-def test_rotors_in_pairs_have_no_momentum_in_hover(name: str) -> None:
-    robot = robots.get(name)
-    hover = hover_thrust(robot)
-    each = rotor_inertia(robot) * rotor_speed(robot, hover).sum()
-    assert np.linalg.norm(angular_momentum(robot, hover)) < 1e-3 * each
-    one = np.where(robot.base.rotor_drag_ratio > 0.0, hover, 0.0)
-    assert angular_momentum(robot, one)[2] == pytest.approx(-0.5 * each, rel=0.1), "against their drag torque"
-
-
-@each_robot
 def test_the_gyroscopic_torque_is_small_beside_control(name: str) -> None:
     """What would have to be modelled if it were not so."""
     tilting, gyro = figures(name)[2], figures(name)[6]

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from aerial_il.presentation.rerun.chromium import BROWSER, Opener, Tab, browser
+from aerial_il.presentation.rerun.chromium import BROWSER
+from experiments.teleop.hands import Opener, Tab, browser
 from tests.patience import HANG_S
 
 Tab.patience_s = HANG_S  # a busy machine fails no test

@@ -160,12 +160,12 @@ def simulated(name: str, folder: Path) -> Iterator[Any]:
 
 def answers(protocol: str, stream: bytes) -> list[Answer]:
     """Return all that a stream of bytes says."""
-    waiting, found = bytearray(stream), []
+    waiting, result = bytearray(stream), []
     while True:
         try:
             answer = LANGUAGES[protocol].take(waiting)
         except DamagedError:
             continue
         if answer is None:
-            return found
-        found.append(answer)
+            return result
+        result.append(answer)

@@ -58,17 +58,21 @@ async def a_page(session: aiohttp.ClientSession, flight: Flown) -> Page:
     return Page(await session.ws_connect(f"http://127.0.0.1:{flight.server.port}/socket?token={flight.server.token}"))
 
 
+@pytest.mark.usefixtures("unhurried", "patient")
 async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> None:
     mouse: FakeMouse
     with simulated("spacemouse", tmp_path / "usb") as mouse:
         async with (
-            flown(tmp_path, devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}) as flight,
+            flown(
+                tmp_path / "out", devices=("keyboard", "spacemouse"), hardware={"spacemouse": mouse.settings}
+            ) as flight,
             aiohttp.ClientSession() as session,
         ):
             status = flight.cockpit.status
             mouse.send(translation(0, -350, 0))
             await asyncio.sleep(0.3)
             assert status().speed == 0.0, "nobody is at the page"
+            mouse.send(translation(0, 0, 0))
             page = await a_page(session, flight)
             await until(lambda: status().speed == 0.0 and not status().dead)
             pushing = asyncio.create_task(push(mouse))
@@ -94,7 +98,7 @@ async def test_a_spacemouse_flies_is_unplugged_and_flies_on(tmp_path: Path) -> N
             pushing.cancel()
             page.hush()
     env = world()
-    (file,) = DatasetFolder(tmp_path).files("failures")
+    (file,) = DatasetFolder(tmp_path / "out").files("failures")
     episode = read_episode(file)
     assert np.ptp(episode.actions[:, 0]) > 0.05, "the mouse was flown"
     assert refly(env, episode) == replay(env, episode) == len(episode)
@@ -107,11 +111,12 @@ async def push(mouse: FakeMouse) -> None:
         await asyncio.sleep(0.016)
 
 
+@pytest.mark.usefixtures("patient")
 async def test_a_leader_arm_moves_joints_while_keys_move_the_base(tmp_path: Path) -> None:
     arm: FakeArm
     with simulated("leader_arm", tmp_path / "usb") as arm:
         used = {"devices": ("keyboard", "leader_arm"), "hardware": {"leader_arm": arm.settings}}
-        async with flown(tmp_path, action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
+        async with flown(tmp_path / "out", action="base_joint", **used) as flight, aiohttp.ClientSession() as session:
             page, status = await a_page(session, flight), flight.cockpit.status
             page.pressed = ["KeyR"]
             await until(lambda: status().state == "recording")

@@ -97,6 +97,6 @@ def test_the_page_moves_to_a_free_port_where_its_own_is_taken(capsys: pytest.Cap
     env.close()
 
 
-def test_the_share_is_of_frames_and_success_counts_only_without_help() -> None:
+def test_success_counts_only_without_help() -> None:
     costs = FlightCosts(flights=4, successes=3, steps=200, expert_steps=30, solved_alone=1)
     assert progress_of(costs) == {"alone": 25, "share": 15.0}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import asynccontextmanager
 from itertools import product
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from aerial_il.data.folder import DatasetFolder
@@ -20,7 +18,6 @@ from tests.teleop.flown import browsed
 from tests.teleop.hands import world
 from tests.teleop.page_reader import KeyHands, PadHands, PageReader, read_number
 from tests.teleop.plans import PLANS, Reach
-from tests.teleop.sessions import discarded_and_brought_back, kept, recorded_again, rescued
 
 ATTEMPTS, LIMIT_S = 3, 60.0
 HANDS = (KeyHands, PadHands)
@@ -66,39 +63,6 @@ async def test_tasks_are_solved_with_keys_and_with_a_gamepad(
 ) -> None:
     await fly_once(tmp_path, task, hands)
     recordings_hold(tmp_path, task, solved=1)
-
-
-@marked
-@pytest.mark.slow
-async def test_a_session_of_keeping_discarding_and_recording_again(tmp_path: Path) -> None:
-    async with somebody_at(tmp_path) as person:
-        for part in (kept, discarded_and_brought_back, recorded_again):
-            await part(person)
-        assert person.sight.counts == (2, 1, 1)
-    recordings_hold(tmp_path, "reach", solved=2)
-
-
-class Stray:
-    """A policy that leads the tool away, up and aside."""
-
-    def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        astray = obs["ee_pos"] + [0.0, 0.0, 0.02]
-        return np.concatenate([astray, obs["ee_rot6d"], np.ones((len(astray), 1))], axis=-1)
-
-    def reset(self, mask: np.ndarray | None = None) -> None:
-        pass
-
-
-@marked
-@pytest.mark.slow
-@pytest.mark.parametrize("hands", HANDS)
-async def test_a_flight_led_astray_is_rescued(tmp_path: Path, hands: type[KeyHands | PadHands]) -> None:
-    async with somebody_at(tmp_path, hands, policy=Stray()) as person:
-        await rescued(person)
-    recordings_hold(tmp_path, "reach", solved=1)
-    (file,) = DatasetFolder(tmp_path).files()
-    held = read_episode(file).is_intervention
-    assert 0 < held.sum() < len(held), "the policy flew first"
 
 
 @marked

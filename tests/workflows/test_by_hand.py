@@ -44,14 +44,14 @@ def test_a_run_says_what_it_does_about_flights_by_hand(
     told = capsys.readouterr().err
     assert "Flown by hand (human:driver)" in told
     assert "dataset.by_hand=false" in told
-    found = yaml.safe_load((home / "suited" / "config.yaml").read_text())
-    assert found["settings"]["waypoints"] == {"lookahead_s": LOOKAHEAD_S, "flown_by": "hand"}
-    assert found["policy"]["relative"] is True
+    result = yaml.safe_load((home / "suited" / "config.yaml").read_text())
+    assert result["settings"]["waypoints"] == {"lookahead_s": LOOKAHEAD_S, "flown_by": "hand"}
+    assert result["policy"]["relative"] is True
     assert main(["train", "dataset=hands", "dataset.by_hand=false", *SMALL, "run=recorded"]) == 0
     assert "by hand" not in capsys.readouterr().err
-    found = yaml.safe_load((home / "recorded" / "config.yaml").read_text())
-    assert found["settings"]["waypoints"]["lookahead_s"] == 0
-    assert found["policy"]["relative"] is False
+    result = yaml.safe_load((home / "recorded" / "config.yaml").read_text())
+    assert result["settings"]["waypoints"]["lookahead_s"] == 0
+    assert result["policy"]["relative"] is False
     assert "dataset.by_hand=false" in (home / "recorded" / "command.json").read_text()
 
 
@@ -67,7 +67,7 @@ def test_only_flights_by_hand_that_command_poses_are_taken_so(home: Path) -> Non
 
 def test_what_the_user_has_chosen_is_kept(home: Path) -> None:
     cloning = BC(waypoints=Waypoints(lookahead_s=0.5, flown_by="hand"))
-    for mine in (MLP(blind_to=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
+    for mine in (MLP(masked_fields=("gripper",)), MLP(obs_names=("ee_pos",)), MLP(relative=True)):
         assert suited(str(home / "hands"), cloning, mine, by_hand=None) == (cloning, mine)
 
 

@@ -1,21 +1,32 @@
-"""The package's front: the settings of the commands, the same errors, and what was made is returned."""
+"""The package's front: settings of the commands, threads, cameras, learned rewards, and what is returned."""
 
 from __future__ import annotations
 
 import inspect
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.sac import SAC
 from aerial_il.cli import commands
+from aerial_il.cli.main import main
+from aerial_il.collection.collect import collect
 from aerial_il.core.composition import build
-from aerial_il.core.errors import AerialError, UnknownNameError
+from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
+from aerial_il.data.recording.writer import write_episode
+from aerial_il.evaluation.baselines import Random
+from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from aerial_il.presentation import analysis
+from aerial_il.suite import outside
+from aerial_il.workflows.parts import pilots, run_results, training_resources
+from aerial_il.workflows.parts.pilots import pilot
+from tests.algorithms.drift import MAX_STEPS, Drift, demonstrations
 
 QUIET = {"progress": False}
 
@@ -74,3 +85,79 @@ def test_every_named_argument_is_a_setting(name: str) -> None:
     settings = set(commands.find(name).settings.__dataclass_fields__)
     named = {p.name for p in inspect.signature(getattr(aerial_il, name)).parameters.values() if p.kind != p.VAR_KEYWORD}
     assert named <= settings
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Among how many processes worlds were asked to be shared; they are made in one."""
+    found: list[int] = []
+    load = outside.load
+
+    def noted(key: str, *, processes: int = 1, **options: Any) -> Any:
+        found.append(processes)
+        return load(key, **options)
+
+    monkeypatch.setattr(outside, "load", noted)
+    return found
+
+
+def test_of_a_pilot(asked: list[int]) -> None:
+    pilot = pilots.pilot("random", robot=None, task=None, action=None, env="gymnasium:Pendulum-v1")
+    for threads, num_envs in ((2, 16), (2, 15), (1, 16)):
+        pilot.environment("calm", num_envs=num_envs, threads=threads).close()
+    assert asked == [2, 1, 1]
+
+
+def test_of_a_training_that_flies(asked: list[int], tmp_path: Path) -> None:
+    env = aerial_il.load_gymnasium("Pendulum-v1", num_envs=1, max_steps=5)
+    collect(env, Random(), range(1), tmp_path, policy_name="random", settings={}, progress=False)
+    asked.clear()
+    where = {"images": (), "expert": None, "tier": None, "num_envs": 24, "threads": 3}
+    with training_resources.training_resources(DAC(), str(tmp_path), **where) as handed:
+        assert handed["env"].num_envs == 24
+    assert asked == [3]
+
+
+CELL = ["robot=ua_quad_arm4", "task=reach"]
+SEES = ["policy.images=[wrist_rgb,base_rgb]", "policy.obs_names=[ee_pos,ee_rot6d]", "policy.image_features=8"]
+SHORT = ["algorithm.steps=2", "algorithm.batch_size=4", "progress=false"]
+
+
+@pytest.mark.render
+def test_a_policy_flies_through_the_cameras_it_learned_from(tmp_path: Path) -> None:
+    data, folder = tmp_path / "seen", tmp_path / "run"
+    pictures = ["cameras=[wrist,base]", "image_size=[20,24]", "episodes=2", "progress=false"]
+    assert main(["collect", *CELL, *pictures, f"out={data}"]) == 0
+    assert main(["train", f"dataset={data}", *SEES, *SHORT, f"run={folder}"]) == 0
+    flown = pilot(str(folder), robot=None, task=None, action=None)
+    assert (flown.reference.cameras, flown.reference.image_size) == (("wrist", "base"), (20, 24))
+    env = flown.environment("calm", num_envs=2, threads=1)
+    try:
+        flown.policy.attach(env)
+        assert flown.policy.act(env.reset(10_000)).shape == (2, env.spec.action.size)
+    finally:
+        env.close()
+    wrong = pilot("hover", robot="ua_quad_arm4", task="reach", action=None).environment("calm", num_envs=1, threads=1)
+    with pytest.raises(InvalidValueError, match="sees wrist_rgb 20 x 24, base_rgb 20 x 24; the environment shows no"):
+        flown.policy.attach(wrong)
+    wrong.close()
+
+
+def test_the_reward_is_paid_along_the_first_demonstration(tmp_path: Path) -> None:
+    demos, folder = demonstrations(2), tmp_path / "run"
+    small = {"steps": 64, "warmup": 32, "bc_pretrain_steps": 0, "bc_weight": 0.0}
+    nets = {"replay": {"batch_size": 8}, "critics": {"hidden": [8]}, "reward": {"hidden": [8]}}
+    settings = build(DAC, {**small, **nets})
+    policy = SquashedGaussian(hidden=(8,))
+    settings.train(demos, policy, env=Drift(4), run=folder, progress=False)
+    run, recorded = read_run(folder), tmp_path / "demo.mcap"
+    write_episode(demos[0], recorded)
+    ((_, paid),) = run_results.rewarded(run, str(recorded)).items()
+    assert {label: values.shape for label, values in paid.items()} == {
+        "as flown": (MAX_STEPS,),
+        "actions shuffled": (MAX_STEPS,),
+    }
+    assert run_results.rewarded(run, None) == {}, "no dataset is at hand"
+    assert run_results.rewarded(run, str(tmp_path / "nowhere")) == {}
+    (folder / "reward").rename(tmp_path / "elsewhere")
+    assert run_results.rewarded(run, str(recorded)) == {}, "nothing was learned"

@@ -34,7 +34,7 @@ letters = st.characters(exclude_categories=("Cs",), exclude_characters="\x00")
 names = st.one_of(
     st.text("ab=,[]{}'\"\\$ :.;&()*#~/-数ü\n", min_size=1, max_size=12), st.text(letters, min_size=1, max_size=12)
 )
-TRAIN, EVALUATE, REPORT, COLLECT = map(commands.find, ("train", "evaluate", "report", "collect"))
+TRAIN, EVALUATE, REPORT = map(commands.find, ("train", "evaluate", "report"))
 
 
 def every_hostile_name(test: Any) -> Any:

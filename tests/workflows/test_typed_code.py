@@ -127,4 +127,4 @@ def test_a_folder_of_that_name_is_a_folder(home: Path) -> None:
 
 def test_it_says_what_is_missing(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["evaluate", "policy=my_pilots:Still", "out=judged"]) == 2
-    assert "set robot=... and task=..., or env=..." in capsys.readouterr().err
+    assert "needs robot=... and task=..., or env=..." in capsys.readouterr().err

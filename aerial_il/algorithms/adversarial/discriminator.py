@@ -24,6 +24,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 from torch.nn.utils.parametrizations import spectral_norm
 
+from aerial_il.policies.parts.normaliser import HARDLY
+
 Reward = Literal["gail", "airl", "exit"]
 REWARDS: dict[str, Callable[[Tensor], Tensor]] = {
     "gail": functional.softplus,
@@ -45,6 +47,8 @@ class RunningNorm(nn.Module):
         self.register_buffer("count", torch.zeros(()))
 
     count: Tensor
+    mean: Tensor
+    square: Tensor
 
     @torch.no_grad()
     def add(self, inputs: Tensor) -> None:
@@ -56,8 +60,9 @@ class RunningNorm(nn.Module):
         self.count += count
 
     def forward(self, inputs: Tensor) -> Tensor:
-        deviation = (self.square / self.count.clamp(min=1.0)).sqrt()
-        return ((inputs - self.mean) / torch.where(deviation < 1e-3, 1.0, deviation)).clamp(-LIMIT, LIMIT)
+        deviation, size = (self.square / self.count.clamp(min=1.0)).sqrt(), self.mean.abs()
+        scale = torch.where(deviation <= HARDLY * (size + deviation), size.clamp(min=1.0), deviation)
+        return ((inputs - self.mean) / scale).clamp(-LIMIT, LIMIT)
 
 
 class Discriminator(nn.Module):

@@ -1,10 +1,10 @@
-"""A reward network learned from demonstrations: trained beside the agent, saved with its run, read along episodes."""
+"""A reward learned from demonstrations: its network, trained beside the agent, and its settings."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypedDict
 
@@ -19,13 +19,15 @@ from aerial_il.algorithms.adversarial.discriminator import (
     cross_entropy,
     gradient_penalty,
 )
+from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.interface import encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer
 from aerial_il.algorithms.run.folder import REWARD
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import TrainState, adam, load_weights, weights_of
+from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
+from aerial_il.algorithms.run.train_state import TrainState, adam
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.checks import require_choice, require_not_negative, require_positive, require_share, require_widths
 from aerial_il.core.errors import CheckpointError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.tensors import tensor
@@ -45,6 +47,55 @@ class Shape(TypedDict):
     running_norm: bool
     actions: bool
     form: Reward
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedReward:
+    """The discriminator, whose output is the reward.
+
+    Attributes:
+        form: of the reward, ``gail``, ``airl`` or ``exit``.
+        hidden: widths of the discriminator.
+        lr: its learning rate.
+        updates: how often it learns.
+        gradient_penalty: weight of that penalty; 0 for none.
+        spectral_norm: normalise its matrices.
+        dropout: of its inputs and hidden units.
+        action_noise: give it demonstrated actions with the noise that the agent explores with. Else that noise is what
+            it recognises the agent by, long before it sees where the agent errs.
+    """
+
+    form: Reward
+    hidden: tuple[int, ...]
+    lr: float
+    updates: float
+    gradient_penalty: float
+    spectral_norm: bool
+    dropout: float
+    action_noise: bool
+
+    def __post_init__(self) -> None:
+        require_positive(self, "lr", "updates")
+        require_share(self, "dropout", below_one=True)
+        require_widths(self, "hidden")
+        require_not_negative(self, "gradient_penalty")
+        require_choice(self, "form", Reward)
+
+    def shape(self, *, running_norm: bool, actions: bool = True) -> Shape:
+        """Return of what form the discriminator is: whether it standardises its inputs itself, and sees actions."""
+        return {
+            "hidden": self.hidden,
+            "spectral": self.spectral_norm,
+            "dropout": self.dropout,
+            "running_norm": running_norm,
+            "actions": actions,
+            "form": self.form,
+        }
+
+
+def starts_cloned(settings: Algorithm) -> bool:
+    """Whether it starts with behavioural cloning, as the control without demonstrations does not."""
+    return settings.bc_pretrain_steps > 0 and settings.demonstrations.control != "constant_reward"
 
 
 class RewardNet:
@@ -88,6 +139,26 @@ class RewardNet:
         """Take one step against the gradient of ``loss``."""
         self._trained.descend(loss)
 
+    def learn(
+        self, demos: ReplayBuffer, flown: ReplayBuffer, count: int, actor: SquashedGaussianNetwork, how: LearnedReward
+    ) -> dict[str, float]:
+        """Take one step on ``count`` demonstrated and as many flown transitions; return named numbers.
+
+        The loss is ``-log D`` of demonstrations ``- log(1 - D)`` of the agent's ``+ penalty (|grad| - 1)^2``.
+
+        Args:
+            actor: whose noise is put on demonstrated actions, if asked for. how: the settings.
+        """
+        shown = demos.sample(count)
+        shown = with_action_noise(shown, actor) if how.action_noise else shown
+        agent = flown.sample(count)
+        loss, metrics = cross_entropy(*self.logits(shown, agent))
+        if how.gradient_penalty:
+            slope = self.gradient_penalty(shown, agent)
+            loss, metrics = loss + how.gradient_penalty * slope, {**metrics, "reward/gradient_penalty": slope.item()}
+        self.descend(loss)
+        return metrics
+
     def along(self, episode: Episode, interface: Interface) -> np.ndarray:
         """Return the reward of each step of ``episode``, (T,)."""
         frames = interface.layout.flatten(episode.obs)[:-1]
@@ -124,31 +195,12 @@ class RewardNet:
         return torch.cat([obs, actions], dim=-1) if self.shape["actions"] else obs
 
 
-def sample_demos(
-    expert_buffer: ReplayBuffer, count: int, actor: SquashedGaussianNetwork, *, action_noise: bool
-) -> Batch:
-    """Draw ``count`` demonstrated transitions for a discriminator, with the noise of ``actor`` if asked for."""
-    demos = expert_buffer.sample(count)
-    return with_action_noise(demos, actor) if action_noise else demos
-
-
 @torch.no_grad()
 def with_action_noise(demos: Batch, actor: SquashedGaussianNetwork) -> Batch:
     """Return ``demos`` with the noise on their actions that ``actor`` would have added to them."""
     _, log_std = actor.gaussian(demos.obs[:, None, :-1])
     raw = unsquashed(demos.actions)
     return demos._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))
-
-
-def discriminator_loss(
-    reward_net: RewardNet, demos: Batch, agent: Batch, *, penalty: float
-) -> tuple[Tensor, dict[str, float]]:
-    """Return ``-log D`` of demonstrations ``- log(1 - D)`` of the agent's ``+ penalty (|grad| - 1)^2``, and metrics."""
-    loss, metrics = cross_entropy(*reward_net.logits(demos, agent))
-    if not penalty:
-        return loss, metrics
-    slope = reward_net.gradient_penalty(demos, agent)
-    return loss + penalty * slope, {**metrics, "reward/gradient_penalty": slope.item()}
 
 
 def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:

@@ -6,12 +6,14 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.problem import Collect, InteractiveProblem, Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.run.prior import load_prior
+from aerial_il.core.checkpoint import digest
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
@@ -49,15 +51,10 @@ class InteractiveAlgorithm(ABC):
     rewarded: ClassVar[bool] = False
     demonstrated: ClassVar[bool] = True
 
-    rounds: int
-    episodes: int
-    training: BC
-    between_steps: int
-    patience: float
-    demos_share: float
-    warm_start: bool
-    evaluate_every: int
-    keep_checkpoints: int
+    if TYPE_CHECKING:  # each states its settings itself
+        training: BC
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __post_init__(self) -> None:
         require_positive(self, "rounds", "episodes", "between_steps", "keep_checkpoints")
@@ -99,8 +96,8 @@ class InteractiveAlgorithm(ABC):
 
     def inputs(self, spec: EnvSpec) -> Mapping[str, Any]:
         """Return what decides a run in ``spec`` besides settings, policy and demonstrations, all of it checked."""
-        del spec
-        return {}
+        prior: str | None = getattr(self, "prior", None)
+        return {} if prior is None else {"prior": digest(load_prior(prior, spec).to_checkpoint())}
 
     def train(
         self,
@@ -138,8 +135,11 @@ class InteractiveAlgorithm(ABC):
         """
         problem = InteractiveProblem(self, policy, seed, env, expert, collect, progress)
         with Rounds.open(run, dataset, problem, resume=resume) as rounds:
-            return self.learn(rounds, evaluate) if rounds.finished is None else rounds.finished
+            if rounds.finished is None:
+                self.learn(rounds, evaluate)
+                return rounds.finish()
+            return rounds.finished
 
     @abstractmethod
-    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> ChunkPolicy:
-        """Fly and learn until no round is left; return the trained policy."""
+    def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
+        """Fly and learn until no round is left."""

@@ -11,10 +11,8 @@ from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.composition import plain
 from aerial_il.core.contracts import BatchEnv, Policy
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
 from aerial_il.policies.parts.network import PolicySettings
 
 if TYPE_CHECKING:
@@ -118,11 +116,3 @@ def as_shown(episode: Episode, spec: EnvSpec) -> Episode:
         return episode
     obs = {name: values for name, values in episode.obs.items() if name in spec.observation.names}
     return replace(episode, spec=replace(episode.spec, observation=ObservationSpec(shown)), obs=obs)
-
-
-def check_environment(recorded: EnvSpec, spec: EnvSpec) -> None:
-    if differing := recorded.differences(spec, ignore=UNIMPORTANT):
-        raise InvalidValueError(
-            f"The demonstrations show {recorded.task} on {recorded.robot}, the environment is {spec.task} on "
-            f"{spec.robot}. It differs in: {'; '.join(differing)}. Fly where the demonstrations were flown."
-        )

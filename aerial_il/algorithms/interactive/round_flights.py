@@ -107,12 +107,13 @@ class RoundFlights:
             flown = DatasetFolder(place / "turn.flying")
             shutil.rmtree(flown.path, ignore_errors=True)
             tags = {**self._tags(number), "turn": turn}
-            found = self._collect(pilot, left, flown.path, tags, self._settings.name)
+            collected = self._collect(pilot, left, flown.path, tags, self._settings.name)
             shutil.rmtree(flown.path / FAILURES, ignore_errors=True)
             kept.adopt(flown)
             shutil.rmtree(flown.path)
-            turns.append(FlightCosts(len(left), len(found.demos), found.steps, solved_alone=len(found.demos)))
-            left = sorted(found.failures)
+            solved = len(collected.demos)
+            turns.append(FlightCosts(len(left), solved, collected.steps, solved_alone=solved))
+            left = sorted(collected.failures)
             if not left:
                 break
         kept.write_index(self._problem.env.spec)

@@ -23,16 +23,17 @@ from pathlib import Path
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.costs import FlightCosts, metrics_of
-from aerial_il.algorithms.interactive.problem import InteractiveProblem, Operator, as_shown, check_environment
+from aerial_il.algorithms.interactive.problem import InteractiveProblem, Operator, as_shown
 from aerial_il.algorithms.interactive.round_flights import RoundFlights
+from aerial_il.algorithms.online.demonstrations import check_same
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
-from aerial_il.algorithms.run.threads import torch_threads
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.core.provenance import provenance
+from aerial_il.core.seeding import torch_threads
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -83,7 +84,7 @@ class Rounds:
             raise InvalidValueError(f"{problem.settings.name} asks an expert, and there is none. Try expert=scripted.")
         spec = problem.env.spec
         _, demos = read_demos((as_shown(episode, spec) for episode in dataset), problem.policy)
-        check_environment(demos[0].spec, spec)
+        check_same(demos[0].spec, spec)
         with RunFolder.open(run, problem.describe(demos), cadence=CADENCE, resume=resume) as folder:
             if not resume:
                 RoundFlights(folder.path, problem, demos).clear()

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from aerial_il.algorithms.off_policy.exploration import Explorer
-from aerial_il.algorithms.off_policy.hindsight import Hindsight, Relabeller, goal_columns
+from aerial_il.algorithms.off_policy.hindsight import Relabeller, goal_columns
+from aerial_il.algorithms.off_policy.settings import Hindsight
 from aerial_il.algorithms.online.interface import decode, encode, standardised
 from aerial_il.algorithms.online.moments import RunningMoments
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
@@ -19,7 +20,7 @@ class ExperienceReplay:
     """The replay buffer of a run, and all that is done to its flights before they are stored.
 
     Args:
-        run: whose flights these are. capacity: transitions kept.
+        run: whose flights these are. capacity: transitions kept. added: columns of an observation besides its own.
         hindsight: the other goals that episodes are relabelled with; None for none.
         obs_norm: standardise observations by their moments in the warm-up.
         absorbing: whether success that ends an episode leads to an absorbing state. With hindsight it ends nothing.
@@ -34,15 +35,19 @@ class ExperienceReplay:
         run: OnlineRun,
         capacity: int,
         *,
+        added: int = 0,
         hindsight: Hindsight | None = None,
         obs_norm: bool = False,
         absorbing: bool = False,
         rewarded: bool = True,
     ) -> None:
         self._run, self._absorbing, self._rewarded = run, absorbing, rewarded
-        self.buffer = ReplayBuffer(capacity, *run.sizes, run.rng("minibatches"))
+        self.buffer = ReplayBuffer(capacity, run.sizes[0] + added, run.sizes[1], run.rng("minibatches"))
         self._norm = WarmupNorm(run) if obs_norm else None
-        self._relabeller = relabeller(hindsight, run) if hindsight and hindsight.goals else None
+        self._relabeller = None
+        if hindsight and hindsight.goals:
+            goal = goal_columns(run.collector.env, run.interface.layout)
+            self._relabeller = Relabeller(hindsight, goal, run.collector.n, run.rng("hindsight"))
 
     @property
     def parts(self) -> Mapping[str, Stateful]:
@@ -57,7 +62,7 @@ class ExperienceReplay:
         actions = np.asarray(explorer.explore(encode(run.interface, frames)), np.float32)
         step = run.collector.step(decode(run.interface, actions, frames))
         if self._norm:
-            self._norm.add(step.frames)
+            self._norm.take(step.frames)
         if not self._rewarded:
             flown = (frames, actions, np.zeros(len(frames)), step.next_frames, step.terminal)
             self._keep(*flown, absorbing=self._absorbing)
@@ -73,8 +78,8 @@ class ExperienceReplay:
 
     def finish_warmup(self) -> None:
         """End the warm-up: where observations are to be standardised they are from now on, those in the buffer too."""
-        if self._norm and not self._norm.frozen:
-            self._norm.freeze()
+        if self._norm and not self._norm.settled:
+            self._norm.settle()
             self.buffer.standardise(self._run.interface)
 
     def _keep(
@@ -92,36 +97,29 @@ class ExperienceReplay:
         self.buffer.add(rows_of(obs, actions, rewards, next_obs, terminal, absorbing=absorbing, penalties=penalties))
 
 
-class WarmupNorm:
+class WarmupNorm(RunningMoments):
     """Moments of what a run saw in its warm-up, which standardise what it sees from then on.
 
     Args:
         run: whose interface changes.
     """
 
+    changing = (*RunningMoments.changing, "settled")
+
     def __init__(self, run: OnlineRun) -> None:
-        self._run, self._moments, self.frozen = run, RunningMoments(run.sizes[0]), False
+        super().__init__(run.sizes[0])
+        self._run, self.settled = run, False
 
-    def add(self, frames: np.ndarray) -> None:
+    def take(self, frames: np.ndarray) -> None:
         """Take frames (n, Do) in, while they still count."""
-        if not self.frozen:
-            self._moments.add(self._run.interface.layout.relate(frames))
+        if not self.settled:
+            self.add(self._run.interface.layout.relate(frames))
 
-    def freeze(self) -> None:
+    def settle(self) -> None:
         """Standardise from now on."""
-        self._run.interface, self.frozen = standardised(self._run.interface, self._moments), True
-
-    def snapshot(self) -> Snapshot:
-        arrays, values = self._moments.snapshot()
-        return Snapshot(arrays, {**values, "settled": self.frozen})
+        self._run.interface, self.settled = standardised(self._run.interface, self), True
 
     def restore(self, saved: Snapshot) -> None:
-        self._moments.restore(saved)
-        if saved.values["settled"]:
-            self.freeze()
-
-
-def relabeller(settings: Hindsight, run: OnlineRun) -> Relabeller:
-    """Return what relabels the episodes of a run with other goals."""
-    goal = goal_columns(run.collector.env, run.interface.layout)
-    return Relabeller(settings, goal, run.collector.n, run.rng("hindsight"))
+        super().restore(saved)
+        if self.settled:
+            self.settle()

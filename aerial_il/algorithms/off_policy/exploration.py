@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import torch
 
-from aerial_il.algorithms.run.state import Generator, Snapshot
+from aerial_il.algorithms.run.state import Part, Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
@@ -19,19 +19,20 @@ class Explorer(Protocol):
     def explore(self, obs: np.ndarray) -> np.ndarray: ...
 
 
-class RandomActions(Generator):
+class RandomActions(Part):
     """Samples actions uniformly from [-1, 1], whatever is observed.
 
     Args:
         size: elements Da of an action. rng: samples them.
     """
 
+    changing = ("_rng",)
+
     def __init__(self, size: int, rng: np.random.Generator) -> None:
-        super().__init__(rng)
-        self._size = size
+        self._size, self._rng = size, rng
 
     def explore(self, obs: np.ndarray) -> np.ndarray:
-        return self.rng.uniform(-1, 1, (len(obs), self._size))
+        return self._rng.uniform(-1, 1, (len(obs), self._size))
 
 
 class ExplorationNoise:

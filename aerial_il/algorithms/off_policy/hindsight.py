@@ -10,54 +10,17 @@ Source: M. Andrychowicz et al., "Hindsight Experience Replay", 2017, section 4.5
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from aerial_il.algorithms.off_policy.settings import Hindsight
 from aerial_il.algorithms.online.collector import Transition
 from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.core.checks import require_choice, require_not_negative, require_positive, require_share
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns
 from aerial_il.policies.parts.layout import Layout
-
-Strategy = Literal["future", "final"]
-BY_GOAL = (
-    "hindsight.goals is {} and reward {}; with hindsight each step is rewarded by the rule of its goal and by nothing "
-    "else: leave algorithm.reward=environment, or set algorithm.hindsight.goals=0."
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Hindsight:
-    """The other goals that episodes are stored with.
-
-    Attributes:
-        goals: how many other goals each step is stored with; 0 for no hindsight. The source's is 4.
-        strategy: where they were achieved: at a random step of the same episode from then on (``future``), or at its
-            ``final`` one, which is a single goal.
-        tolerance: share of the goal's own tolerance that is rewarded. A policy that is rewarded at its edge comes to
-            rest there, as often outside as inside; one that aims for the middle passes.
-    """
-
-    goals: int
-    strategy: Strategy
-    tolerance: float
-
-    def __post_init__(self) -> None:
-        require_positive(self, "tolerance")
-        require_share(self, "tolerance")
-        require_not_negative(self, "goals")
-        require_choice(self, "strategy", Strategy)
-        if self.strategy == "final" and self.goals > 1:
-            raise InvalidValueError(f"goals is {self.goals}; an episode has one final goal: set goals=1.")
-
-    def check_in(self, algorithm: Any) -> None:
-        """Raise :class:`InvalidValueError` where steps are to be rewarded by another rule than that of their goal."""
-        if self.goals and algorithm.reward != "environment":
-            raise InvalidValueError(BY_GOAL.format(self.goals, algorithm.reward))
 
 
 def goal_columns(env: BatchEnv, layout: Layout) -> GoalColumns:

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from aerial_il.algorithms.off_policy.agent import Agent
 from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import Explorer, RandomActions
 from aerial_il.algorithms.online.algorithm import Algorithm
+from aerial_il.algorithms.online.replay_buffer import Batch, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
-from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-
-
-class Flights(Protocol):
-    """What flies and keeps its flights: :class:`ExperienceReplay`, or one that keeps more."""
-
-    @property
-    def parts(self) -> Mapping[str, Stateful]: ...
-    def step(self, explorer: Explorer) -> None: ...
-    def finish_warmup(self) -> None: ...
 
 
 def learn_off_policy(
     run: OnlineRun,
     settings: Algorithm,
     agent: Agent,
-    flights: Flights,
+    flights: ExperienceReplay,
     update: Callable[[bool], Mapping[str, float]],
     *,
     pilot: Explorer | None = None,
@@ -36,7 +26,7 @@ def learn_off_policy(
     offline: int = 0,
     every: int = 1,
 ) -> None:
-    """Fly, store, learn, until no steps are left; ``run.finish()`` then saves the policy.
+    """Fly, store, learn, until no steps are left.
 
     Args:
         agent: flies once the warm-up is over.
@@ -71,8 +61,8 @@ def learn_off_policy(
 
 def learn_from_reward(
     run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[..., Mapping[str, float]]
-) -> ChunkPolicy:
-    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone, and return the trained policy.
+) -> None:
+    """Let ``agent`` ``learn(minibatch, improve=...)`` from its own flights alone.
 
     Through the warm-up actions are random; a prior flies it itself, while its critics learn.
     """
@@ -84,7 +74,28 @@ def learn_from_reward(
         return learn(flights.buffer.sample(size), improve=improve)
 
     learn_off_policy(run, settings, agent, flights, update, pilot=pilot)
-    return run.finish()
+
+
+def learn_offline_first(
+    run: OnlineRun, settings: Algorithm, agent: Agent, learn: Callable[[Batch], Mapping[str, float]]
+) -> None:
+    """Let ``agent`` learn, each time from a minibatch: ``offline_steps`` times from the dataset, then as it flies.
+
+    It flies through the warm-up as it is; without ``offline_steps`` actions are random there. In each minibatch that
+    follows, the share ``demos_share`` is of the dataset.
+    """
+    absorbing, size = settings.demonstrations.absorbing, settings.replay.batch_size
+    demos = run.demos.buffer(run.interface, run.rng("demonstrations"), absorbing=absorbing, reward=None)
+    flights = ExperienceReplay(run, settings.replay.capacity, hindsight=settings.hindsight, absorbing=absorbing)
+    pilot = agent if settings.offline_steps else RandomActions(run.sizes[1], run.rng("warm-up"))
+
+    def update(improve: bool) -> Mapping[str, float]:
+        del improve  # nothing is learned in the warm-up
+        flown = len(flights.buffer) > 0
+        return learn(mixed(demos, flights.buffer, size, settings.demos_share) if flown else demos.sample(size))
+
+    parts = {"demonstrations": demos}
+    learn_off_policy(run, settings, agent, flights, update, pilot=pilot, parts=parts, offline=settings.offline_steps)
 
 
 def lr_at(settings: Algorithm, left: float) -> float:

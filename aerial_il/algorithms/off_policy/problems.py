@@ -9,9 +9,8 @@ import numpy as np
 from aerial_il.algorithms.off_policy.hindsight import goal_columns
 from aerial_il.algorithms.online import problem
 from aerial_il.algorithms.online.algorithm import Algorithm
-from aerial_il.algorithms.online.problem import Given, Problem, check_steps, whole_turns
+from aerial_il.algorithms.online.problem import Given, Problem, check_steps, reward_scheme, whole_turns
 from aerial_il.algorithms.online.rewarded_demonstrations import rewarded_by
-from aerial_il.algorithms.online.rewards import reward_scheme
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checkpoint import digest
 from aerial_il.core.contracts import BatchEnv
@@ -19,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.parts.normaliser import MIN_SCALE
+from aerial_il.policies.parts.normaliser import HARDLY
 
 OWN_NORM = "A prior brings its own normalisation of observations: set algorithm.obs_norm=false."
 
@@ -30,27 +29,19 @@ def check_warmup(settings: Algorithm, env: BatchEnv) -> None:
     check_steps(settings, "warmup", whole_turns(settings.warmup, env.num_envs) + last)
 
 
-def from_reward(settings: Algorithm, given: Given) -> Problem:
-    """Return a problem of the reward alone.
-
-    Raises:
-        InvalidValueError: the run would end before its policy learns.
-    """
-    check_warmup(settings, given.env)
-    return problem.from_reward(settings, given)
-
-
 def from_reward_or_prior(settings: Algorithm, given: Given) -> Problem:
     """Return a problem of the reward alone; with a prior, through that policy's interface and from its weights.
 
     Raises:
-        InvalidValueError: also where the prior cannot fly here, or its weights are none of this policy's.
+        InvalidValueError: the run would end before its policy learns; the prior cannot fly here, or its weights are
+            none of this policy's.
     """
-    if settings.prior is None:
-        return from_reward(settings, given)
     check_warmup(settings, given.env)
-    prior = load_prior(settings.prior, given.env.spec)
-    check_weights(prior, given.policy, settings.prior)
+    source: str | None = getattr(settings, "prior", None)
+    if source is None:
+        return problem.from_reward(settings, given)
+    prior = load_prior(source, given.env.spec)
+    check_weights(prior, given.policy, source)
     if settings.obs_norm:
         raise InvalidValueError(OWN_NORM)
     return Problem(
@@ -75,11 +66,11 @@ def from_demonstrations(settings: Algorithm, given: Given) -> Problem:
     if not getattr(settings, "offline_steps", 0):
         check_warmup(settings, given.env)
     goals = settings.hindsight.goals
-    found = problem.from_demonstrations(settings, given, scheme=reward_scheme(settings), paid=goals == 0)
-    if not goals or found.demos is None:
-        return found
-    goal = goal_columns(given.env, found.interface.layout)
-    return replace(found, demos=rewarded_by(goal, found.demos, tolerance=settings.hindsight.tolerance))
+    shown = problem.from_demonstrations(settings, given, paid=goals == 0)
+    if not goals or shown.demos is None:
+        return shown
+    goal = goal_columns(given.env, shown.interface.layout)
+    return replace(shown, demos=rewarded_by(goal, shown.demos, tolerance=settings.hindsight.tolerance))
 
 
 def explored(interface: Interface) -> Interface:
@@ -90,7 +81,9 @@ def explored(interface: Interface) -> Interface:
     """
     action, moving = interface.action, interface.layout.moving
     switches = interface.switches.holding(interface.constant & ~moving, action.centre)
-    scale = np.where(interface.constant & moving, np.float32(MIN_SCALE), action.scale)
+    reach = interface.layout.spec.action.reach
+    held = interface.constant & moving
+    scale = np.where(held, np.where(np.isfinite(reach), HARDLY * reach, HARDLY), action.scale).astype(np.float32)
     return replace(interface, action=replace(action, scale=scale), switches=switches)
 
 

@@ -12,18 +12,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from aerial_il.algorithms.off_policy.experience_replay import ExperienceReplay
 from aerial_il.algorithms.off_policy.exploration import Explorer
 from aerial_il.algorithms.online.collector import Collector, Transition
-from aerial_il.algorithms.online.demonstrations import Transitions
 from aerial_il.algorithms.online.interface import decode, encode, encode_actions
 from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.run.state import Snapshot, Stateful
+from aerial_il.algorithms.run.state import Part, Stateful
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 
 
-class Proposals:
+class Proposals(Part):
     """A prior that flies along in the worlds of a collector.
 
     Args:
@@ -32,6 +32,8 @@ class Proposals:
     Attributes:
         now: (n, Da) normalised actions that it proposes for what the worlds show.
     """
+
+    changing = ("now", "_prior")
 
     def __init__(self, prior: ChunkPolicy, collector: Collector, interface: Interface) -> None:
         self._prior, self._collector, self._interface = prior, collector, interface
@@ -50,15 +52,8 @@ class Proposals:
     def _ask(self) -> np.ndarray:
         return encode_actions(self._interface, self._prior.act(self._collector.obs), self._collector.frames)
 
-    def snapshot(self) -> Snapshot:
-        return Snapshot({"now": self.now.copy(), **self._prior.memory()})
 
-    def restore(self, saved: Snapshot) -> None:
-        self.now = saved.arrays["now"].copy()
-        self._prior.recall(saved.arrays)
-
-
-class ProposedFlights:
+class ProposedFlights(ExperienceReplay):
     """An off-policy learner's flights with proposals: who explores sees them, and takes them all in the warm-up.
 
     Args:
@@ -70,14 +65,12 @@ class ProposedFlights:
     """
 
     def __init__(self, run: OnlineRun, capacity: int, proposals: Proposals, *, warmup: int, absorbing: bool) -> None:
-        obs_size, action_size = run.sizes
-        self._run, self._proposals, self._warmup, self._absorbing = run, proposals, warmup, absorbing
-        self.buffer = ReplayBuffer(capacity, obs_size + action_size + 1, action_size, run.rng("minibatches"))
+        super().__init__(run, capacity, added=run.sizes[1] + 1, absorbing=absorbing)
+        self._proposals, self._warmup = proposals, warmup
 
     @property
     def parts(self) -> Mapping[str, Stateful]:
-        """What of it changes while the run goes on."""
-        return {"proposals": self._proposals, "replay_buffer": self.buffer}
+        return {**super().parts, "proposals": self._proposals}
 
     def step(self, explorer: Explorer) -> None:
         """Take one step in all worlds, and add it to the buffer."""
@@ -90,9 +83,6 @@ class ProposedFlights:
         ends = {"absorbing": self._absorbing & step.success, "penalties": step.penalties}
         self.buffer.add(rows_of(seen, actions, step.rewards, led, step.terminal, **ends))
 
-    def finish_warmup(self) -> None:
-        """Do nothing: the prior's observations are standardised already."""
-
 
 def columns(proposed: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Return the columns (T, Da + 1) of actions (T, Da), of which only those ``known`` (T,) are proposals."""
@@ -100,7 +90,7 @@ def columns(proposed: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 
 def proposed_demos(
-    demos: Transitions, interface: Interface, rng: np.random.Generator, *, absorbing: bool
+    demos: Transition, interface: Interface, rng: np.random.Generator, *, absorbing: bool
 ) -> ReplayBuffer:
     """Return demonstrations as a buffer, sampled by ``rng``, whose observations carry proposals."""
     obs_size, action_size = interface.layout.size, demos.actions.shape[1]
@@ -109,7 +99,7 @@ def proposed_demos(
     return buffer
 
 
-def demonstrated_rows(demos: Transitions, interface: Interface, *, absorbing: bool) -> np.ndarray:
+def demonstrated_rows(demos: Transition, interface: Interface, *, absorbing: bool) -> np.ndarray:
     """Return demonstrations as rows of a replay buffer whose observations carry proposals."""
     actions = encode_actions(interface, demos.actions, demos.frames)
     follows = np.append((demos.next_frames[:-1] == demos.frames[1:]).all(axis=1), False)

@@ -8,7 +8,6 @@ import numpy as np
 from torch import Tensor
 
 from aerial_il.algorithms.online.moments import RunningMoments
-from aerial_il.algorithms.run.state import Snapshot
 
 
 class Advantages(NamedTuple):
@@ -65,7 +64,7 @@ def gae(
     S. Singh, "Between MDPs and semi-MDPs", 1999, section 3, for decisions that last.
     """
     steps, worlds = rewards.shape
-    found, closing = np.zeros((steps, worlds)), np.zeros((steps, worlds), np.int64)
+    advantages, closing = np.zeros((steps, worlds)), np.zeros((steps, worlds), np.int64)
     paid, left, later = np.zeros(worlds), np.ones(worlds), np.zeros(worlds)
     closed_at = np.zeros(worlds, np.int64)
     for t in reversed(range(steps)):
@@ -73,12 +72,12 @@ def gae(
         paid = rewards[t] + np.where(closes, gamma * next_values[t], gamma * paid)
         left, later = gamma * np.where(closes, 1.0, left), np.where(ended[t], 0.0, later)
         closed_at = np.where(closes, t, closed_at)
-        found[t] = np.where(decided[t], paid - values[t] + gae_lambda * left * later, 0.0)
-        closing[t], later = closed_at, np.where(decided[t], found[t], later)
-    return found, closing
+        advantages[t] = np.where(decided[t], paid - values[t] + gae_lambda * left * later, 0.0)
+        closing[t], later = closed_at, np.where(decided[t], advantages[t], later)
+    return advantages, closing
 
 
-class RewardNorm:
+class RewardNorm(RunningMoments):
     """Divide rewards by the running standard deviation of discounted returns, so that values are of the order of one.
 
     Args:
@@ -87,8 +86,11 @@ class RewardNorm:
     Source: M. Andrychowicz et al., "What Matters for On-Policy Deep Actor-Critic Methods?", 2021, appendix B.9.2.
     """
 
+    changing = (*RunningMoments.changing, "_running")
+
     def __init__(self, worlds: int, gamma: float) -> None:
-        self.moments, self.gamma, self._running = RunningMoments(1), gamma, np.zeros(worlds)
+        super().__init__(1)
+        self.gamma, self._running = gamma, np.zeros(worlds)
 
     def scale(self, rewards: np.ndarray, ended: np.ndarray) -> np.ndarray:
         """Take rewards (T, n) in and return them divided; ``ended`` (T, n) bool starts the sums again."""
@@ -97,13 +99,5 @@ class RewardNorm:
             self._running = self.gamma * self._running + rewards[t]
             sums[t] = self._running
             self._running = np.where(ended[t], 0.0, self._running)
-        self.moments.add(sums.reshape(-1, 1))
-        return rewards / self.moments.deviation[0]
-
-    def snapshot(self) -> Snapshot:
-        inner = self.moments.snapshot()
-        return Snapshot({**inner.arrays, "running": self._running.copy()}, inner.values)
-
-    def restore(self, saved: Snapshot) -> None:
-        self.moments.restore(saved)
-        self._running = saved.arrays["running"].copy()
+        self.add(sums.reshape(-1, 1))
+        return rewards / self.deviation[0]

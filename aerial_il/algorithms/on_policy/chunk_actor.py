@@ -14,9 +14,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.on_policy.decisions import Acted
+from aerial_il.algorithms.on_policy.decisions import Acted, Pilot
 from aerial_il.algorithms.online.collector import Collector, Transition
-from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.chunking import ObservationHistory
@@ -108,23 +107,22 @@ class ChunkActor(StochasticNetwork):
         return torch.cat([coloured[:, :1], anew], 1)
 
 
-class ChunkPilot:
+class ChunkPilot(Pilot):
     """Samples a chunk in each world, flies it, and samples the next.
 
     Args:
         actor: samples. policy: whose network that is. collector: whose worlds these are.
     """
 
+    changing = ("_history",)
+
     def __init__(self, actor: ChunkActor, policy: ChunkPolicy, collector: Collector) -> None:
-        self._actor, self._collector, self._interface = actor, collector, policy.interface
+        super().__init__(collector)
+        self._actor, self._interface = actor, policy.interface
         self._history = ObservationHistory(policy.config.history)
         self._seen = np.zeros((collector.n, policy.config.history, policy.interface.layout.size))
         self._plan = np.zeros((collector.n, actor.execute, policy.spec.action.size), np.float32)
         self._at = np.full(collector.n, actor.execute)
-
-    @property
-    def flown(self) -> int:
-        return self._collector.steps
 
     def cut(self) -> None:
         self._at[:] = self._actor.execute
@@ -164,9 +162,3 @@ class ChunkPilot:
 
     def _encoded(self, history: np.ndarray) -> np.ndarray:
         return self._interface.encode_obs(history).reshape(len(history), -1)
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot(self._history.memory())
-
-    def restore(self, saved: Snapshot) -> None:
-        self._history.recall(saved.arrays)

@@ -1,4 +1,4 @@
-"""Learning that goes on from a clone: what it starts from, and how its run is opened.
+"""Learning that goes on from a clone: what it starts from.
 
 It starts from a clone of the demonstrations, trained in the folder ``prior`` of the run, or from a policy that was
 trained before. A learner of chunks flies it chunk by chunk: a mean over overlapping chunks is no chunk that could have
@@ -9,25 +9,19 @@ from __future__ import annotations
 
 import logging
 import math
-import os
-from abc import abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar, NamedTuple
 
-from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
-from aerial_il.algorithms.on_policy.settings import Exploration, Rollout
+from aerial_il.algorithms.on_policy.settings import Exploration
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.demonstrations import check_same
-from aerial_il.algorithms.online.problem import Given, Problem
+from aerial_il.algorithms.online.problem import Given, Problem, reward_scheme
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths
-from aerial_il.algorithms.online.rewards import Source, reward_scheme
-from aerial_il.algorithms.online.run import OnlineRun, open_run
-from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.algorithms.online.run import OnlineRun
+from aerial_il.algorithms.run.folder import PRIOR
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.checkpoint import Checkpoint, digest
@@ -36,7 +30,6 @@ from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings
 
@@ -46,7 +39,6 @@ TOO_FEW = (
     "In algorithm.steps={} next to nothing is learned: a warm-up of {} (algorithm.warmup) in rollouts of {} "
     "(algorithm.rollout.steps) comes first. Take more than {} steps."
 )
-PRIOR = "prior"  # folder of the clone below a run's
 ANY_CLASS = "algorithm=residual takes a prior of any class."
 
 
@@ -75,7 +67,7 @@ class Start(NamedTuple):
 
 
 class FromClone(Algorithm):
-    """Opens the run of a learner that goes on from a clone; :meth:`go_on` is the algorithm.
+    """A learner that goes on from a clone, with the :class:`Start` of its run's problem.
 
     Attributes:
         warmup: environment steps in which the clone flies as it is, and a critic learns its value.
@@ -88,83 +80,46 @@ class FromClone(Algorithm):
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (PolicySettings,)
     worlds: ClassVar[int] = 64
 
-    warmup: int
-    rollout: Rollout
-    prior: str | None
-    cloning: BC
-    patience: float
-    reward: Source
-    reward_patience: int
-    smoothness: Smoothness
-
     def __post_init__(self) -> None:
         super().__post_init__()
         require_positive(self, "patience")
 
-    def train(
-        self,
-        dataset: Iterable[Episode] | None,
-        policy: PolicySettings,
-        *,
-        env: BatchEnv,
-        run: str | os.PathLike[str],
-        seed: int = 0,
-        expert: Policy | None = None,
-        evaluate: Evaluate | None = None,
-        resume: bool = True,
-        progress: bool = True,
-    ) -> ChunkPolicy:
-        """Clone the demonstrations, or take the prior, and go on from there in ``env``; see :class:`Algorithm`.
-
-        Args:
-            policy: what is cloned; the prior's own is trained where there is one.
-            expert: who can fly here, for those that need one.
+    def problem(self, given: Given) -> Problem:
+        """Clone the demonstrations, or take the prior, which the learner goes on from.
 
         Raises:
-            InvalidValueError: also for a prior that cannot fly here or be trained, and demonstrations longer than
-                episodes.
+            InvalidValueError: the prior cannot fly here or be trained, or demonstrations are longer than episodes.
         """
-        alone = load_prior(self.prior, env.spec) if self.prior else None
-        demos = shown(dataset or (), alone.config if alone else policy, env)
-        inputs = self.inputs(env.spec, expert, demos)
+        alone = load_prior(self.prior, given.env.spec) if self.prior else None
+        demos = shown(given.dataset or (), alone.config if alone else given.policy, given.env)
+        inputs = self.inputs(given.env.spec, given.expert, demos)
         if alone is None:
-            options = {"seed": seed, "resume": resume, "progress": progress}
-            alone = self.cloning.train(demos, policy, run=Path(run) / PRIOR, **options)
+            options = {"seed": given.seed, "resume": given.resume, "progress": given.progress}
+            alone = self.cloning.train(demos, given.policy, run=given.run / PRIOR, **options)
         prior = self.flown(alone)
         self._warn_of_too_few_steps()
-        problem = Problem(
+        return Problem(
             self.name,
-            seed,
+            given.seed,
             prior.config,
-            cut_short(env, self.longest(demos)),
+            cut_short(given.env, self.longest(demos)),
             prior.interface,
             dataset=described(demos, prior),
             scheme=reward_scheme(self),
             inputs={PRIOR: digest(Checkpoint(prior.to_checkpoint().arrays)), **inputs},
             initial=prior.network.state_dict(),
+            start=Start(alone, prior, demos, given.expert),
         )
-        with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.go_on(opened, Start(alone, prior, demos, expert)) if opened else load_policy(run)
 
-    @abstractmethod
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
-        """Return the prior as the learner flies it.
+        """Return a prior, loaded or cloned, as the learner flies it: as a policy of single chunks.
 
         Raises:
-            InvalidValueError: it cannot be learned from.
+            InvalidValueError: its network cannot be trained by policy gradients.
         """
-
-    @abstractmethod
-    def go_on(self, run: OnlineRun, start: Start) -> ChunkPolicy:
-        """Collect and learn until the run has no steps left; return the trained policy."""
-
-    def problem(self, given: Given) -> Problem:
-        """Refuse: there has to be something to start from, which :meth:`train` brings."""
-        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
-
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        """Refuse: there has to be something to start from, which :meth:`train` brings."""
-        raise InvalidValueError(f"{self.name} goes on from a clone: call train, which makes one or loads prior.")
+        check_trainable(prior, self.prior)
+        config = replace(prior.config, execute=min(self.exploration.execute, prior.config.chunk), ensemble=None)
+        return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
 
     def longest(self, demos: Sequence[Episode]) -> int:
         """Return after how many steps an episode of practice is truncated."""
@@ -180,17 +135,6 @@ class FromClone(Algorithm):
     def inputs(self, spec: EnvSpec, expert: Policy | None, demos: Sequence[Episode]) -> Mapping[str, str]:
         """Return digests of whatever else it learns from, by name; refuse what cannot be learned from."""
         return {}
-
-
-def chunked(prior: ChunkPolicy, source: str | None, exploration: Exploration) -> ChunkPolicy:
-    """Return a prior, loaded from ``source`` or cloned, as a policy of single chunks.
-
-    Raises:
-        InvalidValueError: its network cannot be trained by policy gradients.
-    """
-    check_trainable(prior, source)
-    config = replace(prior.config, execute=min(exploration.execute, prior.config.chunk), ensemble=None)
-    return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
 
 
 def shown(dataset: Iterable[Episode], policy: PolicySettings, env: BatchEnv) -> list[Episode]:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Literal
 
 import numpy as np
 
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import load_weights, weights_of
+from aerial_il.algorithms.run.state import Part
 from aerial_il.policies.parts.network import ChunkNetwork
-from aerial_il.policies.parts.prefixed import below, under
 
 FEWEST = 10  # episodes of the learner, and of the prior, that are compared
 
 
-class ReturnGate:
+class ReturnGate(Part):
     """Compares the mean return of the episodes that ended in a rollout with what the prior's had, both exploring.
 
     Where fewer than ten have ended, those of further rollouts are added to them first; the prior flies until ten of
@@ -28,9 +27,11 @@ class ReturnGate:
         errors: standard errors of the difference by which the actor may lie below the prior.
     """
 
+    changing = ("_running", "_prior", "_own", "_keeps", "_first", "_kept", "_flies")
+
     def __init__(self, actor: ChunkNetwork, worlds: int, errors: float) -> None:
-        self._actor, self._errors, self._ended = actor, errors, Returns(worlds)
-        self._first = self._kept = _copied(actor)
+        self._actor, self._errors, self._running = actor, errors, np.zeros(worlds)
+        self._first, self._kept = copy.deepcopy(actor), copy.deepcopy(actor)
         self._prior, self._own, self._keeps = (np.zeros(0) for _ in range(3))  # returns of the prior, now, of the kept
         self._flies: Literal["prior", "kept", "new"] = "prior"
 
@@ -43,7 +44,7 @@ class ReturnGate:
         Returns:
             Whether the actor may learn from the rollout: it flew with the weights that it has now, not clearly worse.
         """
-        returns = self._ended.ended(rewards, ended)
+        returns = self._ended(rewards, ended)
         if self._flies == "prior":
             self._prior = np.concatenate([self._prior, returns])
             if warming_up or len(self._prior) < FEWEST:
@@ -54,7 +55,8 @@ class ReturnGate:
                 if self._is_worse():
                     self._fall_back()
                     return False
-                self._kept, self._keeps, self._own = _copied(self._actor), self._own, np.zeros(0)
+                self._kept.load_state_dict(self._actor.state_dict())
+                self._keeps, self._own = self._own, np.zeros(0)
         self._flies = "new"
         return True
 
@@ -66,45 +68,18 @@ class ReturnGate:
     def _fall_back(self) -> None:
         """Let the kept weights fly once more; those of the prior where these have just failed, or where none is."""
         if self._flies == "kept" or not len(self._keeps):
-            self._kept, self._keeps, self._flies = self._first, np.zeros(0), "prior"
+            self._kept.load_state_dict(self._first.state_dict())
+            self._keeps, self._flies = np.zeros(0), "prior"
         else:
             self._flies = "kept"
         self._own = self._keeps
-        load_weights(self._actor, self._kept)
+        self._actor.load_state_dict(self._kept.state_dict())
 
-    def snapshot(self) -> Snapshot:
-        weights = {**under("first", self._first), **under("kept", self._kept)}
-        returns = {"prior": self._prior.copy(), "own": self._own.copy(), "keeps": self._keeps.copy()}
-        return Snapshot({**self._ended.snapshot().arrays, **returns, **weights}, {"flies": self._flies})
-
-    def restore(self, saved: Snapshot) -> None:
-        self._ended.restore(saved)
-        self._prior, self._own, self._keeps = (saved.arrays[name].copy() for name in ("prior", "own", "keeps"))
-        self._first, self._kept = (below(name, saved.arrays) for name in ("first", "kept"))
-        self._flies = saved.values["flies"]
-
-
-class Returns:
-    """Returns of the episodes of n worlds, across rollouts."""
-
-    def __init__(self, worlds: int) -> None:
-        self._running = np.zeros(worlds)
-
-    def ended(self, rewards: np.ndarray, ended: np.ndarray) -> np.ndarray:
-        """Take a rollout's rewards and ends (T, n) in; return the returns (k,) of the episodes that ended in it."""
-        found: list[float] = []
+    def _ended(self, rewards: np.ndarray, ended: np.ndarray) -> np.ndarray:
+        """Return the returns (k,) of the episodes that ended in a rollout, whose rewards and ends (T, n) these are."""
+        returns: list[float] = []
         for paid, over in zip(rewards, ended, strict=True):
             self._running = self._running + paid
-            found += self._running[over].tolist()
+            returns += self._running[over].tolist()
             self._running = np.where(over, 0.0, self._running)
-        return np.array(found)
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot({"running": self._running.copy()})
-
-    def restore(self, saved: Snapshot) -> None:
-        self._running = saved.arrays["running"].copy()
-
-
-def _copied(actor: ChunkNetwork) -> dict[str, np.ndarray]:
-    return {name: array.copy() for name, array in weights_of(actor).items()}
+        return np.array(returns)

@@ -9,11 +9,10 @@ import numpy as np
 
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkPilot
 from aerial_il.algorithms.on_policy.cut_short import uncut
-from aerial_il.algorithms.on_policy.decisions import Acted
+from aerial_il.algorithms.on_policy.decisions import Acted, Pilot
 from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.contracts import Policy, SeededPolicy, attach
-from aerial_il.policies.parts.prefixed import below, under
 
 Schedule = Literal["curriculum", "random"]
 
@@ -40,7 +39,7 @@ class Curriculum:
         return round(self.horizon * max(0.0, 1.0 - stage / self.stages))
 
 
-class GuidedPilot:
+class GuidedPilot(Pilot):
     """A guide flies the first steps of each episode, a learner the others.
 
     Stages are passed as in algorithm 1 of the source: when the last ``window`` episodes of a stage return on average
@@ -51,22 +50,29 @@ class GuidedPilot:
         collector: whose worlds these are. curriculum: for how long the guide flies. rng: samples it if random.
 
     Attributes:
-        stage: how many times the guide's part has shrunk. flown: environment steps that the learner flew.
+        stage: how many times the guide's part has shrunk.
 
     Source: I. Uchendu et al., "Jump-Start Reinforcement Learning", 2023, algorithm 1.
     """
 
+    changing = ("_left", "_stages", "_paid", "_learner", "stage", "_flown", "_best", "_returns", "_rng")
+
     def __init__(
         self, learner: ChunkPilot, guide: Policy, collector: Collector, curriculum: Curriculum, rng: np.random.Generator
     ) -> None:
-        self._learner, self._guide, self._collector = learner, guide, collector
-        self._curriculum, self._rng = curriculum, rng
-        self.stage, self.flown, self._best, self._returns = 0, 0, -np.inf, list[float]()
+        super().__init__(collector)
+        self._learner, self._guide, self._curriculum, self._rng = learner, guide, curriculum, rng
+        self.stage, self._flown, self._returns = 0, 0, list[float]()
+        self._best: float | None = None  # return of a window
         n = collector.n
         self._left, self._stages, self._paid = np.zeros(n, np.int64), np.zeros(n, np.int64), np.zeros(n)
         attach(guide, uncut(collector.env))
         self._start_guide(np.ones(n, bool))
         self._start(np.ones(n, bool))
+
+    @property
+    def flown(self) -> int:
+        return self._flown
 
     @property
     def steps(self) -> int:
@@ -80,7 +86,7 @@ class GuidedPilot:
     def act(self) -> Acted:
         self._learner.look()
         guided = self._left > 0
-        self.flown += int((~guided).sum())
+        self._flown += int((~guided).sum())
         acted = self._learner.decide(~guided)
         if not guided.any():
             return acted
@@ -89,25 +95,26 @@ class GuidedPilot:
         return acted._replace(actions=led, learner=~guided)
 
     def after(self, step: Transition) -> np.ndarray:
-        found, ended = self._learner.after(step), step.terminal | step.truncated
+        seen, ended = self._learner.after(step), step.terminal | step.truncated
         self._paid += step.rewards
         if ended.any():
             self._returns += self._paid[ended & (self._stages == self.stage)].tolist()
             self._pass()
             self._start_guide(ended)
             self._start(ended)
-        return found
+        return seen
 
     def _pass(self) -> None:
         """Go on to the next stage where the episodes of this one allow it."""
-        curriculum, found = self._curriculum, self._returns[-self._curriculum.window :]
-        if curriculum.schedule == "random" or self.stage == curriculum.stages or len(found) < curriculum.window:
+        curriculum, returns = self._curriculum, self._returns[-self._curriculum.window :]
+        if curriculum.schedule == "random" or self.stage == curriculum.stages or len(returns) < curriculum.window:
             return
-        mean = float(np.mean(found))
-        if self._collector.scheme.sparse and max(found) <= 0.0:
+        mean = float(np.mean(returns))
+        if self._collector.scheme.sparse and max(returns) <= 0.0:
             return
-        if mean >= self._best - curriculum.tolerance * abs(self._best) or not np.isfinite(self._best):
-            self.stage, self._best, self._returns = self.stage + 1, max(self._best, mean), []
+        best = mean if self._best is None else self._best
+        if mean >= best - curriculum.tolerance * abs(best):
+            self.stage, self._best, self._returns = self.stage + 1, max(best, mean), []
 
     def _start(self, worlds: np.ndarray) -> None:
         """Count anew in the ``worlds`` (n,) bool whose episodes start."""
@@ -123,25 +130,9 @@ class GuidedPilot:
             self._guide.begin(self._collector.env.seeds, worlds)
         self._guide.reset(worlds)
 
-    def snapshot(self) -> Snapshot:
-        arrays = {"left": self._left.copy(), "stages": self._stages.copy(), "paid": self._paid.copy()}
-        learner = under("learner", self._learner.snapshot().arrays)
-        best = None if np.isinf(self._best) else self._best
-        values = {"stage": self.stage, "flown": self.flown, "best": best, "returns": list(self._returns)}
-        return Snapshot({**arrays, **learner}, {**values, "rng": self._rng.bit_generator.state})
-
     def restore(self, saved: Snapshot) -> None:
         """Go back, after the collector has: what the guide remembers is what it is shown once more."""
-        arrays, values = saved.arrays, saved.values
-        self._left, self._stages, self._paid = (arrays[name].copy() for name in ("left", "stages", "paid"))
-        self._learner.restore(Snapshot(below("learner", arrays)))
-        self.stage, self.flown, self._returns = values["stage"], values.get("flown", 0), list(values["returns"])
-        self._best = -np.inf if values["best"] is None else values["best"]
-        self._rng.bit_generator.state = values["rng"]
-        self._remind()
-
-    def _remind(self) -> None:
-        """Show the guide the running episodes, all of them up to now at the same time."""
+        super().restore(saved)
         now, env, worlds = self._collector.snapshot().arrays, self._collector.env, np.arange(self._collector.n)
         ages = now["ages"]
         late = ages.max(initial=0) - ages

@@ -18,12 +18,10 @@ from aerial_il.algorithms.on_policy.cut_short import uncut
 from aerial_il.algorithms.on_policy.settings import Trial
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.run import OnlineRun
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import load_weights, weights_of
+from aerial_il.algorithms.run.state import Part
 from aerial_il.core.contracts import BatchEnv, begin_episodes
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork
-from aerial_il.policies.parts.prefixed import below, under
 
 log = logging.getLogger(__name__)
 
@@ -35,13 +33,15 @@ ERRORS = 1.0  # standard errors of the mean difference by which a learner may re
 FIRST_SEED, SEEDS = 500_000, 500_000  # between those of evaluations, from 10,000, and of practice, from 1,000,000
 
 
-class HandOver:
+class HandOver(Part):
     """Lets the prior and what was learned from it fly the same start states, and keeps the weights that passed.
 
     Args:
         run: whose policies it decides, from now on. prior: as it flies by itself. network: what learns.
         trial: how many flights, with 0 whatever was learned passes; and how often, the last one where training ends.
     """
+
+    changing = ("_wanted", "_handed", "_passed", "_turn")
 
     def __init__(self, run: OnlineRun, prior: ChunkPolicy, network: ChunkNetwork, trial: Trial) -> None:
         self._run, self._prior, self._network, self._every = run, prior.fresh(), network, trial.every
@@ -62,37 +62,26 @@ class HandOver:
             return {}
         if not len(self._wanted):
             self._wanted = flown_returns(collector, self._prior, self._seeds)
-        found = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
+        returns = flown_returns(collector, self._run.policy_of(self._network), self._seeds)
         self._turn = collector.steps // self._every
-        more = found - self._wanted
+        more = returns - self._wanted
         if more.mean() >= -ERRORS * more.std() / math.sqrt(len(more)):
             self._pass()
-        return {"trial/return": float(found.mean()), "trial/prior": float(self._wanted.mean())}
+        return {"trial/return": float(returns.mean()), "trial/prior": float(self._wanted.mean())}
 
-    def finish(self) -> ChunkPolicy:
-        """Finish the run and return what may be used; say so where that is still the prior."""
+    def close(self) -> None:
+        """Say so where what may be used is still the prior when training ends."""
         if not self._passed:
             log.warning(STILL_THE_PRIOR)
-        return self._run.finish()
 
     def _pass(self) -> None:
         self._passed = True
-        load_weights(self._handed, weights_of(self._network))
+        self._handed.load_state_dict(self._network.state_dict())
 
     def _policy(self, own: ChunkPolicy) -> ChunkPolicy:
         """Return what may be used in place of the learner's ``own`` policy."""
         config, network = (own.config, self._handed) if self._passed else (self._prior.config, self._prior.network)
         return ChunkPolicy(config, own.interface, network, own.origin)
-
-    def snapshot(self) -> Snapshot:
-        handed = {name: array.copy() for name, array in weights_of(self._handed).items()}
-        arrays = {"wanted": self._wanted.copy(), **under("handed", handed)}
-        return Snapshot(arrays, {"passed": self._passed, "turn": self._turn})
-
-    def restore(self, saved: Snapshot) -> None:
-        self._passed, self._turn = saved.values["passed"], saved.values["turn"]
-        self._wanted = saved.arrays["wanted"].copy()
-        load_weights(self._handed, below("handed", saved.arrays))
 
 
 def flown_returns(collector: Collector, policy: ChunkPolicy, seeds: np.ndarray) -> np.ndarray:

@@ -3,99 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic
 from aerial_il.algorithms.on_policy.advantages import Advantages, Judged, RewardNorm, gae
+from aerial_il.algorithms.on_policy.decisions import Decisions, Pilot
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.hand_over import HandOver
+from aerial_il.algorithms.on_policy.steps import StepPilot
 from aerial_il.algorithms.online.algorithm import Algorithm
 from aerial_il.algorithms.online.problem import check_steps, whole_turns
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.state import Stateful
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts.network import ChunkNetwork
+from aerial_il.policies.parts.network import ChunkNetwork, StochasticNetwork
 
 
-class Flown(Protocol):
-    """T steps of n worlds, (T, n, ...): see :class:`Decisions`."""
-
-    @property
-    def obs(self) -> np.ndarray: ...
-    @property
-    def next_obs(self) -> np.ndarray: ...
-    @property
-    def raw(self) -> np.ndarray: ...
-    @property
-    def decided(self) -> np.ndarray: ...
-    @property
-    def lasts_a_step(self) -> bool: ...
-    @property
-    def rewards(self) -> np.ndarray: ...
-    @property
-    def terminal(self) -> np.ndarray: ...
-    @property
-    def ended(self) -> np.ndarray: ...
-
-
-class Agent(Stateful, Protocol):
-    """What learns: an actor, and the critic by which its decisions are judged."""
-
-    def values(self, obs: np.ndarray) -> np.ndarray:
-        """Return the critic's values (...) of what decisions see (..., Do)."""
-        ...
-
-    def learn(self, found: Judged, *, left: float, improve: bool) -> Mapping[str, float]:
-        """Learn from one rollout's decisions, and return named numbers.
-
-        Args:
-            left: share of the training that is left. improve: whether the actor is updated; else the critic alone.
-        """
-        ...
-
-
-class Flights[F: Flown](Protocol):
-    """How worlds are flown between two turns of learning."""
-
-    @property
-    def parts(self) -> Mapping[str, Stateful]:
-        """What changes on the way, by name."""
-        ...
-
-    @property
-    def flown(self) -> int:
-        """Environment steps that the learner has flown."""
-        ...
-
-    def standardise(self, rollout: F | None = None) -> None:
-        """Let the run standardise observations by all that was seen, with a ``rollout`` that was learned from."""
-        ...
-
-    def collect(self, steps: int) -> F:
-        """Take ``steps`` environment steps of all worlds together, or a few more."""
-        ...
-
-
-def learn_on_policy[F: Flown](
+def learn_on_policy(
     run: OnlineRun,
     settings: Algorithm,
-    flights: Flights[F],
-    agent: Agent,
+    pilot: Pilot,
+    agent: ActorCritic,
     actor: ChunkNetwork,
     *,
     warmup: int = 0,
-    rewarded: Callable[[F], tuple[np.ndarray, np.ndarray | float]] | None = None,
+    rewarded: Callable[[Decisions], tuple[np.ndarray, np.ndarray | float]] | None = None,
     gate: ReturnGate | None = None,
     hand_over: HandOver | None = None,
-    more: Callable[[F], Mapping[str, float]] | None = None,
+    more: Callable[[Decisions], Mapping[str, float]] | None = None,
     parts: Mapping[str, Stateful] | None = None,
 ) -> None:
-    """Fly and learn until no steps are left; the caller finishes the run.
+    """Fly and learn until no steps are left.
 
     Args:
-        actor: the network whose policy is evaluated on the way and saved.
+        pilot: flies. agent: learns. actor: the network whose policy is evaluated on the way and saved.
         warmup: steps of the learner up to which it flies as it is, while the critic alone learns.
         rewarded: gives the rewards (T, n) of a rollout, and the values after terminal steps; None for those of the
             environment, divided by the running deviation of returns, with nothing after an end.
@@ -104,29 +48,44 @@ def learn_on_policy[F: Flown](
     """
     reward_norm = RewardNorm(run.collector.n, settings.gamma)
 
-    def scaled(rollout: F) -> tuple[np.ndarray, float]:
+    def scaled(rollout: Decisions) -> tuple[np.ndarray, float]:
         return reward_norm.scale(rollout.rewards, rollout.ended), 0.0
 
-    changing = {"agent": agent, **flights.parts, "gate": gate, "hand_over": hand_over, **(parts or {})}
+    changing = {"agent": agent, "pilot": pilot, "gate": gate, "hand_over": hand_over, **(parts or {})}
     changing |= {} if rewarded else {"reward_norm": reward_norm}
     run.start(actor, {name: part for name, part in changing.items() if part is not None})
-    flights.standardise()
+    pilot.standardise()
     while run.goes_on():
-        warming_up = flights.flown < warmup
-        rollout = flights.collect(settings.rollout.steps)
+        warming_up = pilot.flown < warmup
+        rollout = pilot.collect(settings.rollout.steps)
         improve = gate.passes(rollout.rewards, rollout.ended, warming_up=warming_up) if gate else not warming_up
         rewards, end_values = (rewarded or scaled)(rollout)
         run.log(more(rollout) if more else {})
-        if found := judged(rollout, rewards, end_values, agent, settings):
-            run.log({**agent.learn(found, left=run.left, improve=improve), "critic/value": found.value})
+        if decisions := judged(rollout, rewards, end_values, agent, settings):
+            run.log({**agent.learn(decisions, left=run.left, improve=improve), "critic/value": decisions.value})
             run.log({"actor/fallbacks": float(not (improve or warming_up))} if gate else {})
             run.log(hand_over.after_learning() if hand_over and improve else {})
-        flights.standardise(rollout)
+        pilot.standardise()
         run.end_turn()
+    if hand_over:
+        hand_over.close()
+
+
+def learn_step_by_step(
+    run: OnlineRun, settings: Algorithm, agent_of: Callable[[Any, StochasticNetwork, int], ActorCritic]
+) -> None:
+    """Learn from single steps and the environment's reward.
+
+    Args:
+        agent_of: ``(settings, actor, Do)`` -> what learns.
+    """
+    actor = run.build_actor(StochasticNetwork)
+    agent = agent_of(settings, actor, run.sizes[0])
+    learn_on_policy(run, settings, StepPilot(run, actor, obs_norm=True), agent, actor)
 
 
 def judged(
-    rollout: Flown, rewards: np.ndarray, end_values: np.ndarray | float, agent: Agent, settings: Algorithm
+    rollout: Decisions, rewards: np.ndarray, end_values: np.ndarray | float, agent: ActorCritic, settings: Algorithm
 ) -> Judged | None:
     """Return the decisions of a rollout with their generalised advantages; None if there are too few to compare.
 
@@ -137,7 +96,8 @@ def judged(
     if made.sum() < 2:
         return None
     after = np.where(rollout.terminal, end_values, agent.values(rollout.next_obs))
-    after = after if rollout.lasts_a_step else after.astype(float)  # discounted over steps, as precise as rewards
+    if rollout.normalised is None:  # discounted over several steps, as precise as rewards
+        after = after.astype(float)
     factors = {"gamma": settings.gamma, "gae_lambda": settings.gae_lambda}
     advantages, closing = gae(rewards, values, after, rollout.ended, made, **factors)
     steps, worlds = np.nonzero(made)

@@ -8,13 +8,11 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.on_policy.decisions import Acted
+from aerial_il.algorithms.on_policy.decisions import Acted, Pilot
 from aerial_il.algorithms.online.collector import Collector, Transition
-from aerial_il.algorithms.run.state import Snapshot
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import StochasticNetwork
-from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.residual import Shift, normalised, shifted, what_is_seen
 from aerial_il.policies.squashed_gaussian import LOG_STD_HIGH, LOG_STD_LOW
 
@@ -63,7 +61,7 @@ class ShiftActor(StochasticNetwork):
         return (self.shift.moved * each).sum(-1)
 
 
-class ShiftPilot:
+class ShiftPilot(Pilot):
     """Flies a frozen policy and shifts its actions, each shift for some steps.
 
     Args:
@@ -71,18 +69,17 @@ class ShiftPilot:
         collector: whose worlds these are.
     """
 
+    changing = ("_base", "_actions", "_proposed")
+
     def __init__(self, actor: ShiftActor, base: ChunkPolicy, hold: int, collector: Collector) -> None:
-        self._actor, self._base, self._hold, self._collector = actor, base, hold, collector
+        super().__init__(collector)
+        self._actor, self._base, self._hold = actor, base, hold
         size = base.spec.action.size
         self._shift, self._age = np.zeros((collector.n, size), np.float32), np.full(collector.n, hold)
         base.attach(collector.env)
         base.reset()
         self._actions = self._proposed = np.zeros((0, size))
         self._propose()
-
-    @property
-    def flown(self) -> int:
-        return self._collector.steps
 
     def cut(self) -> None:
         self._age[:] = self._hold
@@ -111,12 +108,3 @@ class ShiftPilot:
     def _propose(self) -> None:
         self._actions = self._base.act(self._collector.obs)
         self._proposed = normalised(self._base.interface, self._actions, self._collector.frames)
-
-    def snapshot(self) -> Snapshot:
-        memory = under("base", self._base.memory())
-        return Snapshot({**memory, "actions": self._actions.copy(), "proposed": self._proposed.copy()})
-
-    def restore(self, saved: Snapshot) -> None:
-        arrays = saved.arrays
-        self._base.recall(below("base", arrays))
-        self._actions, self._proposed = arrays["actions"].copy(), arrays["proposed"].copy()

@@ -6,15 +6,13 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import fields
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.algorithms.online.demonstrations import Demonstrations
 from aerial_il.algorithms.online.interface import check_policy
-from aerial_il.algorithms.online.problem import Given, Problem
-from aerial_il.algorithms.online.rewards import Source
+from aerial_il.algorithms.online.problem import Given, Problem, Source
 from aerial_il.algorithms.online.run import OnlineRun, open_run
-from aerial_il.algorithms.online.smoothness import Smoothness
-from aerial_il.algorithms.run.cadence import Cadence, Evaluate
+from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.core.checks import (
     require_choice,
     require_not_negative,
@@ -22,7 +20,7 @@ from aerial_il.core.checks import (
     require_share,
     require_widths,
 )
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -96,43 +94,11 @@ class Algorithm(ABC):
     worlds: ClassVar[int] = 8
     trains: ClassVar[tuple[type[PolicySettings], ...]] = (SquashedGaussian,)
 
-    __dataclass_fields__: ClassVar[dict[str, Any]]  # an algorithm is one, and of what follows has what it states
+    __dataclass_fields__: ClassVar[dict[str, Any]]  # an algorithm is a dataclass
 
-    steps: int
-    warmup: int
-    offline_steps: int
-    gamma: float
-    lr: float
-    lr_floor: float
-    critic_lr: float
-    actor_every: int
-    alpha: float
-    entropy: float
-    gae_lambda: float
-    clip: float
-    clip_norm: float
-    target_kl: float
-    kl: float
-    gate: float
-    step_size: float
-    cg_iterations: int
-    cg_damping: float
-    critic_hidden: tuple[int, ...]
-    demos_share: float
-    bc_pretrain_steps: int
-    reward: Any  # where it comes from; in adversarial imitation how it is learned
-    reward_patience: int
-    prior: str | None
-    obs_norm: bool
-    replay: Any  # these four are groups of packages above this one: off_policy and on_policy
-    critics: Any
-    hindsight: Any
-    rollout: Any
-    demonstrations: Demonstrations
-    smoothness: Smoothness
-    cadence: Cadence
-    subset: int
-    threads: int
+    if TYPE_CHECKING:  # the machinery below reads what those state that call it
+
+        def __getattr__(self, name: str) -> Any: ...
 
     def __post_init__(self) -> None:
         stated = {field.name for field in fields(self)}
@@ -159,6 +125,7 @@ class Algorithm(ABC):
         env: BatchEnv,
         run: str | os.PathLike[str],
         seed: int = 0,
+        expert: Policy | None = None,
         evaluate: Evaluate | None = None,
         resume: bool = True,
         progress: bool = True,
@@ -172,6 +139,7 @@ class Algorithm(ABC):
             env: a batch environment to act in; it is reset.
             run: folder for configuration, metrics, checkpoints, a learned reward and the finished policy.
             seed: decides initial weights, exploration, minibatches and which episodes are flown.
+            expert: who can fly here, for those that need one.
             evaluate: ``(policy, step) -> named numbers`` to log every ``cadence.evaluate_every`` steps and at the end.
             resume: continue what ``run`` holds; a finished run returns its policy at once.
             progress: show a progress bar.
@@ -181,9 +149,13 @@ class Algorithm(ABC):
                 ``run`` holds another.
             SimulationDivergedError, TrainingDivergedError: something is not finite; the last checkpoint is intact.
         """
-        problem = self.problem(Given(dataset, check_policy(policy, self.trains), env, seed))
+        policy = check_policy(policy, self.trains)
+        problem = self.problem(Given(dataset, policy, env, seed, Path(run), expert, resume, progress))
         with open_run(self, problem, run, evaluate=evaluate, resume=resume, progress=progress) as opened:
-            return self.learn(opened) if opened else load_policy(run)
+            if opened is None:
+                return load_policy(run)
+            self.learn(opened)
+            return opened.finish()
 
     @property
     def evaluate_every(self) -> int:
@@ -199,5 +171,5 @@ class Algorithm(ABC):
         """
 
     @abstractmethod
-    def learn(self, run: OnlineRun) -> ChunkPolicy:
-        """Collect and learn until the run has no steps left; return the trained policy."""
+    def learn(self, run: OnlineRun) -> None:
+        """Collect and learn until the run has no steps left."""

@@ -7,6 +7,7 @@ environment can save its state.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -14,11 +15,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from aerial_il.algorithms.online.interface import encode, encode_actions
+from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Part, Snapshot
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, SimulationDivergedError
-from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.layout import Interface, Layout
 
 FIRST_SEED = 1_000_000  # far from the seeds of demonstrations and evaluations, which count from 0 and from 10000
 
@@ -44,7 +47,7 @@ class RewardScheme:
 
 
 class Transition(NamedTuple):
-    """One step of n worlds, in the environment's units.
+    """One step of n worlds, or n steps of demonstrations, in the environment's units.
 
     Attributes:
         frames: (n, Do) what was seen.
@@ -66,8 +69,39 @@ class Transition(NamedTuple):
     success: np.ndarray
     penalties: np.ndarray
 
+    def buffer(
+        self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
+    ) -> ReplayBuffer:
+        """Return the transitions, as :meth:`encoded` has them, as a buffer to draw minibatches from by ``rng``."""
+        rows = self.encoded(interface, absorbing=absorbing, reward=reward)
+        buffer = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
+        buffer.add(rows)
+        return buffer
 
-class Collector:
+    def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
+        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None.
+
+        In the latter case only success leads to an absorbing state: a crash's last reward is not repeated for ever.
+        """
+        return rows_of(
+            encode(interface, self.frames),
+            encode_actions(interface, self.actions, self.frames),
+            self.rewards if reward is None else np.full(len(self.frames), reward),
+            encode(interface, self.next_frames),
+            self.terminal,
+            absorbing=absorbing & self.success if reward is None else absorbing,
+            penalties=self.penalties if reward is None else 0.0,
+        )
+
+    def digest(self, *, rewarded: bool) -> str:
+        """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
+        seal, learned = hashlib.sha256(), (self.frames, self.actions, self.next_frames, self.terminal)
+        for array in (*learned, self.rewards) if rewarded else learned:
+            seal.update(np.ascontiguousarray(array).tobytes())
+        return seal.hexdigest()
+
+
+class Collector(Part):
     """n worlds of a batch environment, reset one by one as their episodes end.
 
     Args:
@@ -82,6 +116,8 @@ class Collector:
         informed: whether two steps of the learner have had different rewards, or two of its episodes different
             returns: only then is there something to learn.
     """
+
+    changing = ("_seeds", "_ages", "_returns", "frames", "_next", "steps", "_ended", "informed", "_first")
 
     def __init__(self, env: BatchEnv, layout: Layout, *, seed: int, scheme: RewardScheme | None = None) -> None:
         self.env, self.layout, self.n = env, layout, env.num_envs
@@ -155,16 +191,8 @@ class Collector:
         }
 
     def snapshot(self) -> Snapshot:
-        arrays = {
-            "seeds": self._seeds.copy(),
-            "ages": self._ages.copy(),
-            "returns": self._returns.copy(),
-            "frames": self.frames.copy(),
-            "flown": self._actions[:, : max(1, int(self._ages.max()))].copy(),
-        }
-        rewarded = {"informed": self.informed, "first": dict(self._first)}
-        ended = [list(episode) for episode in self._ended]
-        return Snapshot(arrays, {"next": self._next, "steps": self.steps, "ended": ended, **rewarded})
+        arrays, values = super().snapshot()
+        return Snapshot({**arrays, "flown": self._actions[:, : max(1, int(self._ages.max()))].copy()}, values)
 
     def restore(self, saved: Snapshot) -> None:
         """Replay the actions since the last resets.
@@ -172,11 +200,8 @@ class Collector:
         Raises:
             InvalidValueError: the environment now answers otherwise than it did.
         """
-        self._seeds, self._ages = saved.arrays["seeds"].copy(), saved.arrays["ages"].copy()
-        self._returns, self._actions = saved.arrays["returns"].copy(), saved.arrays["flown"].copy()
-        self._next, self.steps = saved.values["next"], saved.values["steps"]
-        self._ended = [list(episode) for episode in saved.values["ended"]]
-        self.informed, self._first = saved.values.get("informed", False), dict(saved.values.get("first", {}))
+        super().restore(saved)
+        self._actions = saved.arrays["flown"].copy()
         obs = self.env.reset(self._seeds)
         for age in range(int(self._ages.max(initial=0))):
             obs = self.env.step(self._actions[:, age], self._ages > age).obs

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 
-from aerial_il.algorithms.online.collector import RECENT, Collector, RewardScheme
-from aerial_il.algorithms.online.interface import Bounds, action_bounds, encode, encode_actions
-from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
+from aerial_il.algorithms.online.collector import RECENT, Collector, RewardScheme, Transition
+from aerial_il.algorithms.online.interface import Bounds, action_bounds
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS, Smoothness
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.checks import require_choice, require_positive
@@ -21,7 +19,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
-from aerial_il.policies.parts.layout import Interface, Layout
+from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicySettings
 
 Labels = Literal["executed", "expert"]
@@ -69,55 +67,6 @@ class Demonstrations:
             raise InvalidValueError(MEANT)
 
 
-class Transitions(NamedTuple):
-    """T transitions in the environment's units.
-
-    Attributes:
-        frames, next_frames: (T, Do). actions: (T, Da). terminal: (T,) bool; see :class:`Transition`.
-        rewards: (T,) of the environment, penalties subtracted. success: (T,) bool, the task was done by the action.
-        penalties: (T,) for rough actions.
-    """
-
-    frames: np.ndarray
-    actions: np.ndarray
-    next_frames: np.ndarray
-    terminal: np.ndarray
-    rewards: np.ndarray
-    success: np.ndarray
-    penalties: np.ndarray
-
-    def buffer(
-        self, interface: Interface, rng: np.random.Generator, *, absorbing: bool, reward: float | None = 0.0
-    ) -> ReplayBuffer:
-        """Return the transitions, as :meth:`encoded` has them, as a buffer to draw minibatches from by ``rng``."""
-        rows = self.encoded(interface, absorbing=absorbing, reward=reward)
-        buffer = ReplayBuffer(len(rows), interface.layout.size, self.actions.shape[1], rng)
-        buffer.add(rows)
-        return buffer
-
-    def encoded(self, interface: Interface, *, absorbing: bool, reward: float | None = 0.0) -> np.ndarray:
-        """Return the transitions as rows of a replay buffer, each with ``reward``, or its own where that is None.
-
-        In the latter case only success leads to an absorbing state: a crash's last reward is not repeated for ever.
-        """
-        return rows_of(
-            encode(interface, self.frames),
-            encode_actions(interface, self.actions, self.frames),
-            self.rewards if reward is None else np.full(len(self.frames), reward),
-            encode(interface, self.next_frames),
-            self.terminal,
-            absorbing=absorbing & self.success if reward is None else absorbing,
-            penalties=self.penalties if reward is None else 0.0,
-        )
-
-    def digest(self, *, rewarded: bool) -> str:
-        """Return the SHA-256 of all that is learned from: rewards too, where the algorithm is ``rewarded``."""
-        seal, learned = hashlib.sha256(), (self.frames, self.actions, self.next_frames, self.terminal)
-        for array in (*learned, self.rewards) if rewarded else learned:
-            seal.update(np.ascontiguousarray(array).tobytes())
-        return seal.hexdigest()
-
-
 def read_transitions(
     dataset: Iterable[Episode],
     policy: PolicySettings,
@@ -129,7 +78,7 @@ def read_transitions(
     failures: bool = False,
     smoothness: Smoothness | None = None,
     seed: int,
-) -> tuple[Layout, Transitions, dict[str, Any]]:
+) -> tuple[Layout, Transition, dict[str, Any]]:
     """Return the layout, the transitions of the episodes, and which they are, for the run's record.
 
     Args:
@@ -153,7 +102,7 @@ def read_transitions(
     rng = named_rng(seed, "subsample")
     rough = smoothness or NO_SMOOTHNESS
     parts = [_thin(_transitions_of(episode, layout, labels, rough), subsample, rng) for episode in demos]
-    transitions = Transitions(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    transitions = Transition(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     record = {"demonstrations": len(demos), "transitions": len(transitions.frames)}
     return layout, transitions, {**record, "digest": transitions.digest(rewarded=rewarded)}
 
@@ -170,22 +119,22 @@ def check_same(recorded: EnvSpec, spec: EnvSpec) -> None:
 
 def random_transitions(
     env: BatchEnv, layout: Layout, count: int, *, seed: int, scheme: RewardScheme | None = None
-) -> Transitions:
+) -> Transition:
     """Collect ``count`` transitions or a few more with actions drawn uniformly within their bounds."""
     collector, rng = Collector(env, layout, seed=seed, scheme=scheme), named_rng(seed, "control")
     low, high = action_bounds(layout)
     steps = [collector.step(rng.uniform(low, high, (collector.n, len(low)))) for _ in range(-(-count // collector.n))]
-    arrays = ([getattr(step, name) for step in steps] for name in Transitions._fields)
-    return Transitions(*(np.concatenate(array) for array in arrays))
+    return Transition(*(np.concatenate(arrays) for arrays in zip(*steps, strict=True)))
 
 
-def _transitions_of(episode: Episode, layout: Layout, labels: Labels, smoothness: Smoothness) -> Transitions:
+def _transitions_of(episode: Episode, layout: Layout, labels: Labels, smoothness: Smoothness) -> Transition:
     frames = layout.flatten(episode.obs)
     terminal = np.asarray(episode.terminated, bool).copy()
-    terminal[-1] |= episode.success and not episode.truncated[-1]
+    terminal[-1] |= episode.is_terminal
     actions = episode.labels if labels == "expert" else episode.executed_actions
     penalties, success = _penalties(episode, smoothness), terminal & bool(episode.success)
-    return Transitions(frames[:-1], actions, frames[1:], terminal, episode.rewards - penalties, success, penalties)
+    rewards, truncated = episode.rewards - penalties, np.asarray(episode.truncated, bool)
+    return Transition(frames[:-1], actions, rewards, frames[1:], terminal, truncated, success, penalties)
 
 
 def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
@@ -197,6 +146,6 @@ def _penalties(episode: Episode, smoothness: Smoothness) -> np.ndarray:
     return smoothness.penalties(episode.executed_actions[when], steps + 1, episode.spec.action)
 
 
-def _thin(transitions: Transitions, every: int, rng: np.random.Generator) -> Transitions:
+def _thin(transitions: Transition, every: int, rng: np.random.Generator) -> Transition:
     kept = (np.arange(len(transitions.frames)) % every == rng.integers(every)) | transitions.terminal
-    return Transitions(*(array[kept] for array in transitions))
+    return Transition(*(array[kept] for array in transitions))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, cast
 
 import numpy as np
 
@@ -30,8 +30,11 @@ def check_policy(policy: object, kinds: tuple[type[PolicySettings], ...] = (Squa
     """Return ``policy`` if it is one of ``kinds``, and reinforcement learning can train it.
 
     Raises:
-        InvalidValueError: it is another policy, sees images, or acts on more than one observation or step.
+        InvalidValueError: it is another policy, sees images, or acts on more than one observation or step; where all
+            kinds are taken, what is learned from decides.
     """
+    if PolicySettings in kinds:
+        return cast(PolicySettings, policy)
     if not isinstance(policy, PolicySettings) or not isinstance(policy, kinds):
         name = getattr(policy, "name", type(policy).__name__)
         choices = " or ".join(f"policy={kind.__module__.rpartition('.')[2]}" for kind in kinds)

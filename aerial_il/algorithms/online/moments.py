@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.policies.parts.normaliser import MIN_SCALE, Normaliser
+from aerial_il.algorithms.run.state import Part
+from aerial_il.policies.parts.normaliser import Normaliser, hardly_varies
 
 
-class RunningMoments:
+class RunningMoments(Part):
     """Mean and variance of all samples so far, as if all of it had been kept.
 
     Source: T. Chan, G. Golub, R. LeVeque, "Updating Formulae and a Pairwise Algorithm for Computing Sample Variances",
@@ -17,6 +17,8 @@ class RunningMoments:
     Args:
         size: elements D.
     """
+
+    changing = ("mean", "square", "count")
 
     def __init__(self, size: int) -> None:
         self.count, self.mean, self.square = 0, np.zeros(size), np.zeros(size)  # square: sum of squared deviations
@@ -30,17 +32,10 @@ class RunningMoments:
 
     @property
     def deviation(self) -> np.ndarray:
-        """(D,) standard deviation, 1 where nothing varies yet."""
-        deviation = np.sqrt(self.square / max(1, self.count))
-        return np.where(deviation < MIN_SCALE, 1.0, deviation)
+        """(D,) standard deviation; where next to nothing varies yet 1, or the size of the mean if that is larger."""
+        deviation, size = np.sqrt(self.square / max(1, self.count)), np.abs(self.mean)
+        return np.where(hardly_varies(deviation, size + deviation), np.maximum(size, 1.0), deviation)
 
     def normaliser(self) -> Normaliser:
         """Return the normaliser to mean 0 and standard deviation 1."""
         return Normaliser(self.mean.astype(np.float32), self.deviation.astype(np.float32))
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot({"mean": self.mean.copy(), "square": self.square.copy()}, {"count": self.count})
-
-    def restore(self, saved: Snapshot) -> None:
-        self.mean, self.square = saved.arrays["mean"].copy(), saved.arrays["square"].copy()
-        self.count = saved.values["count"]

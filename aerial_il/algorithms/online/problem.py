@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from torch import Tensor
 
-from aerial_il.algorithms.online.collector import RewardScheme
-from aerial_il.algorithms.online.demonstrations import Transitions, check_same, random_transitions, read_transitions
+from aerial_il.algorithms.online.collector import RewardScheme, Transition
+from aerial_il.algorithms.online.demonstrations import check_same, random_transitions, read_transitions
 from aerial_il.algorithms.online.interface import fit_interface, plain_interface
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths, check_paid, with_rewards
-from aerial_il.algorithms.online.rewards import reward_scheme
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.layout import Interface, Layout
@@ -23,6 +23,8 @@ from aerial_il.policies.parts.network import PolicySettings
 if TYPE_CHECKING:
     from aerial_il.algorithms.online.algorithm import Algorithm
 
+Source = Literal["environment", "sparse"]
+SHOWN = "an algorithm that starts with demonstrations (algorithm=bc_ppo dataset=PATH)"
 TOO_SHORT = (
     "steps is {} and {} {}: the run would end before its policy has learned anything. Set algorithm.steps well above "
     "{}, or lower algorithm.{}."
@@ -36,6 +38,10 @@ class Given(NamedTuple):
     policy: PolicySettings
     env: BatchEnv
     seed: int
+    run: Path = Path()
+    expert: Policy | None = None
+    resume: bool = True
+    progress: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +56,7 @@ class Problem:
         scheme: how its steps are rewarded.
         inputs: name -> digest of whatever else it learns from, such as a prior.
         initial: weights that its network starts from; None for random ones.
+        start: what else an algorithm has made ready to start from.
     """
 
     algorithm: str
@@ -57,11 +64,12 @@ class Problem:
     policy: PolicySettings
     env: BatchEnv
     interface: Interface
-    demos: Transitions | None = None
+    demos: Transition | None = None
     dataset: Mapping[str, Any] | None = None
     scheme: RewardScheme = field(default_factory=RewardScheme)
     inputs: Mapping[str, str] = field(default_factory=dict)
     initial: Mapping[str, Tensor] | None = None
+    start: Any = None
 
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
@@ -77,23 +85,21 @@ def from_reward(settings: Algorithm, given: Given) -> Problem:
     return Problem(settings.name, given.seed, given.policy, given.env, interface, scheme=reward_scheme(settings))
 
 
-def from_demonstrations(
-    settings: Algorithm, given: Given, *, scheme: RewardScheme | None = None, paid: bool = True
-) -> Problem:
+def from_demonstrations(settings: Algorithm, given: Given, *, paid: bool = True) -> Problem:
     """Return a problem of demonstrations to imitate, or that are rewarded as the learner is, if it is ``rewarded``.
 
     In the control run ``random_actions`` flights at random take their place.
 
     Args:
-        scheme: how steps are rewarded; None for the environment's reward.
         paid: whether the rewards that were recorded, or success, have to say something.
 
     Raises:
         InvalidValueError: there are none, or fewer than asked for; they come from another environment; they carry no
             reward that could be learned from, or are longer than episodes here.
     """
-    which, episodes, env, scheme = settings.demonstrations, given.dataset or (), given.env, scheme or RewardScheme()
+    which, episodes, env, scheme = settings.demonstrations, given.dataset or (), given.env, RewardScheme()
     if settings.rewarded:
+        scheme = reward_scheme(settings)
         episodes = list(episodes)
         check_lengths(episodes, env.spec)
         if paid and which.control == "none":
@@ -115,6 +121,31 @@ def from_demonstrations(
         demos = random_transitions(env, layout, len(demos.frames), seed=given.seed, scheme=scheme)
     interface = fit_interface(layout, demos.frames, demos.actions, policy=given.policy, bounds=which.bounds)
     return Problem(settings.name, given.seed, given.policy, env, interface, demos, record, scheme)
+
+
+def reward_scheme(settings: Algorithm) -> RewardScheme:
+    """Return how steps are rewarded, with advice for where no reward comes."""
+    sparse, hindsight = getattr(settings, "reward", "environment") == "sparse", getattr(settings, "hindsight", None)
+    ways = ["more demonstrations, or a better prior" if settings.demonstrated else SHOWN]
+    ways += ["a dense reward (algorithm.reward=environment)"] if sparse else []
+    if hindsight is not None and not hindsight.goals:
+        also = " algorithm.reward=environment" if sparse else ""
+        ways += [f"hindsight, where the task exposes a goal (algorithm.hindsight.goals=4{also})"]
+    advice = f"Ways out: {'; '.join(ways)}."
+    said = {"smoothness": "smoothness", "patience": "reward_patience"}  # of an algorithm that has them
+    stated = {name: getattr(settings, key) for name, key in said.items() if hasattr(settings, key)}
+    return RewardScheme(sparse=sparse, advice=advice, **stated)
+
+
+def forfeits_by_success(settings: object) -> bool:
+    """Whether an episode that success ends forfeits the environment's reward for the steps it might have had.
+
+    It does not where the reward is sparse or learned, and where critics bootstrap through success: with hindsight, or
+    by an absorbing state.
+    """
+    hindsight, shown = getattr(settings, "hindsight", None), getattr(settings, "demonstrations", None)
+    goes_on = getattr(hindsight, "goals", 0) > 0 or getattr(shown, "absorbing", False)
+    return getattr(settings, "reward", None) == "environment" and not goes_on
 
 
 def check_steps(settings: Algorithm, name: str, flown: int) -> None:

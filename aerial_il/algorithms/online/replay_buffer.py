@@ -15,10 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.train_state import TrainState
 from aerial_il.policies.parts.layout import Interface
+from aerial_il.policies.parts.network import ChunkNetwork
 
 
 class Batch(NamedTuple):
@@ -120,6 +122,20 @@ class ReplayBuffer:
         self._size, self._at = len(rows), saved.values["at"]
         self._rows[: self._size] = rows
         self._rng.bit_generator.state = saved.values["rng"]
+
+
+def bc_pretrain[Network: nn.Module](
+    trained: TrainState[Network], actor: ChunkNetwork, demos: ReplayBuffer, *, steps: int, batch_size: int
+) -> None:
+    """Move ``actor``'s mean action towards demonstrated ones in ``steps`` minibatches of ``trained``'s optimiser."""
+    for _ in range(steps):
+        trained.descend(bc_loss(actor, demos.sample(batch_size)))
+
+
+def bc_loss(actor: ChunkNetwork, demos: Batch) -> Tensor:
+    """Return the squared distance of the actor's mean action from demonstrated actions, summed over elements."""
+    distance = ((actor(demos.obs[:, None, :-1])[:, 0] - demos.actions) ** 2).sum(1)
+    return ((1.0 - demos.obs[:, -1]) * distance).mean()
 
 
 def split(rows: Tensor, widths: tuple[int, ...]) -> Batch:

@@ -12,8 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerial_il.algorithms.online.collector import RewardScheme
-from aerial_il.algorithms.online.demonstrations import Transitions
+from aerial_il.algorithms.online.collector import RewardScheme, Transition
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns
@@ -42,7 +41,7 @@ TOO_LONG = (
 )
 
 
-def rewarded_by(goal: GoalColumns, demos: Transitions, *, tolerance: float) -> Transitions:
+def rewarded_by(goal: GoalColumns, demos: Transition, *, tolerance: float) -> Transition:
     """Return transitions rewarded by the rule of their own goals, in which success is no end."""
     rewards = goal.rewards(demos.next_frames, tolerance=tolerance) - demos.penalties
     return demos._replace(rewards=rewards, terminal=demos.terminal & ~demos.success)

@@ -13,19 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import torch
 
-from aerial_il.algorithms.online.collector import Collector
-from aerial_il.algorithms.online.demonstrations import Transitions
+from aerial_il.algorithms.online.collector import Collector, Transition
 from aerial_il.algorithms.online.problem import Problem
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import RunFolder
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.signals import SignalWatch
-from aerial_il.algorithms.run.state import Snapshot, Stateful, pack, unpack
-from aerial_il.algorithms.run.threads import torch_threads
+from aerial_il.algorithms.run.state import Part, Stateful, pack, unpack
 from aerial_il.core.errors import NoRewardError, TrainingDivergedError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
-from aerial_il.core.seeding import named_rng, torch_rng
+from aerial_il.core.seeding import named_rng, torch_rng, torch_threads
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import ChunkNetwork
 
@@ -41,7 +39,7 @@ NOTHING_LEARNED = (
 HINT = "Lower the learning rate; the last checkpoint is intact."
 
 
-class OnlineRun:
+class OnlineRun(Part):
     """One run from its first step, or from its newest checkpoint, to its finished policy.
 
     Use it as ``start(...)``, then ``while run.goes_on(): ...; run.end_turn()``, then ``finish()``; what is learned
@@ -49,11 +47,14 @@ class OnlineRun:
 
     Attributes:
         folder: of the run.
+        problem: what it learns on.
         collector: the environment with auto-reset.
         interface: the way into and out of the network; an algorithm that learns it replaces it.
         elapsed_s: time spent in the loop, over all calls, evaluations and checkpoints left out.
         wrap: makes of the trained network's policy the one that is evaluated and saved; an algorithm may replace it.
     """
+
+    changing = ("elapsed_s", "_before", "_offline", "_means")
 
     def __init__(
         self,
@@ -64,7 +65,7 @@ class OnlineRun:
         evaluate: Evaluate | None,
         progress: bool,
     ) -> None:
-        self.folder, self._signals, self._settings, self._problem = folder, signals, settings, problem
+        self.folder, self._signals, self._settings, self.problem = folder, signals, settings, problem
         self._origin = {**problem.describe(), "provenance": provenance()}
         self._evaluate, self._progress = evaluate, progress
         self.interface, self.elapsed_s, self._means = problem.interface, 0.0, MetricMeans()
@@ -79,29 +80,29 @@ class OnlineRun:
     @property
     def sizes(self) -> tuple[int, int]:
         """Elements of an observation and of an action, Do and Da."""
-        layout = self._problem.interface.layout
+        layout = self.problem.interface.layout
         return layout.size, layout.spec.action.size
 
     @property
-    def demos(self) -> Transitions:
+    def demos(self) -> Transition:
         """The transitions to imitate."""
-        assert self._problem.demos is not None, "the algorithm asked for demonstrations when the run was opened"
-        return self._problem.demos
+        assert self.problem.demos is not None, "the algorithm asked for demonstrations when the run was opened"
+        return self.problem.demos
 
     def build_actor[Network: ChunkNetwork](self, kind: type[Network]) -> Network:
         """Return a new network of the policy, which the algorithm knows to be of this ``kind``.
 
         It flies while it learns, and is in evaluation mode from the start: dropout is for cloning.
         """
-        network = self._problem.policy.build(*self.sizes)
+        network = self.problem.policy.build(*self.sizes)
         assert isinstance(network, kind), "the algorithm says which policies it trains"
-        if self._problem.initial is not None:
-            network.load_state_dict(self._problem.initial)
+        if self.problem.initial is not None:
+            network.load_state_dict(self.problem.initial)
         return network.eval()
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Return a generator of its own for each ``purpose``."""
-        return named_rng(self._problem.seed, self._problem.algorithm, purpose)
+        return named_rng(self.problem.seed, self.problem.algorithm, purpose)
 
     def start(self, actor: ChunkNetwork, parts: Mapping[str, Stateful]) -> None:
         """Go on from the newest checkpoint, if there is one, with ``actor`` and all ``parts`` that change."""
@@ -112,7 +113,7 @@ class OnlineRun:
         self._bar = Progress(
             total=self._settings.steps,
             initial=self.collector.steps,
-            desc=f"train {self._problem.algorithm}",
+            desc=f"train {self.problem.algorithm}",
             unit="step",
             dynamic_ncols=True,
             disable=not self._progress,
@@ -124,7 +125,7 @@ class OnlineRun:
         Metrics count them up to zero: the last one is step 0, where the flights start.
         """
         hidden = not self._progress or self._offline >= steps
-        name = f"learn {self._problem.algorithm} offline"
+        name = f"learn {self.problem.algorithm} offline"
         bar = Progress(total=steps, initial=self._offline, desc=name, unit="update", dynamic_ncols=True, disable=hidden)
         while self._offline < steps:
             self._clock = time.perf_counter()
@@ -167,7 +168,7 @@ class OnlineRun:
     def policy_of(self, network: ChunkNetwork) -> ChunkPolicy:
         """Return a network of the policy's as one that flies."""
         origin = {**self._origin, "step": self.collector.steps}
-        return ChunkPolicy(self._problem.policy, self.interface, network, origin)
+        return ChunkPolicy(self.problem.policy, self.interface, network, origin)
 
     def goes_on(self) -> bool:
         """Evaluate where that is due; return whether there are steps left.
@@ -214,23 +215,23 @@ class OnlineRun:
         self._bar.close()
         policy = self.policy()
         self.folder.finish(policy)
-        if self._problem.scheme.patience and not self.collector.informed:
-            steps, reward, advice = self.collector.steps, self.collector.first_reward, self._problem.scheme.advice
+        if self.problem.scheme.patience and not self.collector.informed:
+            steps, reward, advice = self.collector.steps, self.collector.first_reward, self.problem.scheme.advice
             log.warning(NOTHING_LEARNED.format(steps, reward, advice))
         return policy
 
     def _refuse_silence(self) -> None:
         """End a run in which rewards have carried no information for too long; what it has done is kept."""
-        step, patience = self.collector.steps, self._problem.scheme.patience
+        step, patience = self.collector.steps, self.problem.scheme.patience
         if patience and step >= patience and not self.collector.informed and not self._done:
             self.folder.save(step, pack(self._parts, self.policy()), keep=self._settings.cadence.keep_checkpoints)
-            raise NoRewardError(step, self.collector.first_reward, self._problem.scheme.advice)
+            raise NoRewardError(step, self.collector.first_reward, self.problem.scheme.advice)
 
     @property
     def _flies_already(self) -> bool:
         """Whether the policy can do something before its first flight, and could lose it."""
         cloned = getattr(self._settings, "bc_pretrain_steps", 0)
-        return "prior" in self._problem.inputs or bool(cloned or self._offline)
+        return "prior" in self.problem.inputs or bool(cloned or self._offline)
 
     @property
     def _done(self) -> bool:
@@ -239,16 +240,6 @@ class OnlineRun:
     def _due(self, every: int) -> bool:
         """Whether a multiple of ``every`` lies within the steps of this turn."""
         return due(every, self.collector.steps, since=self._before)
-
-    def snapshot(self) -> Snapshot:
-        means = self._means.snapshot().values
-        counts = {"before": self._before, "offline": self._offline}
-        return Snapshot({}, {"elapsed_s": self.elapsed_s, **counts, **means})
-
-    def restore(self, saved: Snapshot) -> None:
-        self.elapsed_s, self._before = saved.values["elapsed_s"], saved.values["before"]
-        self._offline = saved.values.get("offline", 0)
-        self._means.restore(saved)
 
 
 @contextmanager

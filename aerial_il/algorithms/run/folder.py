@@ -24,8 +24,10 @@ from aerial_il.algorithms.run.trackers import open_trackers
 from aerial_il.core import checkpoint
 from aerial_il.core.bounded import parse_json, parse_yaml, read_json, read_text, read_yaml
 from aerial_il.core.checkpoint import Checkpoint
+from aerial_il.core.composition import dotted
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.files import PlainDumper, open_own, write_atomic, write_json
+from aerial_il.core.places import claim_folder
 from aerial_il.core.provenance import provenance
 from aerial_il.core.renamed import moved
 from aerial_il.policies import FINAL
@@ -37,6 +39,7 @@ CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, start again with resume=false, or choose another run=NAME."
+PRIOR = "prior"  # folder of the clone that a run goes on from, which is trained before the run is opened
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
 
@@ -76,7 +79,7 @@ class RunFolder:
             InvalidValueError: another process uses the folder, or it belongs to another configuration.
             CheckpointError: all its checkpoints are damaged, or it cannot be written.
         """
-        path = Path(path)
+        path = claim_folder(path, (PROVENANCE, COMMAND, f"{PRIOR}/{PROVENANCE}", f"{checkpoint.FOLDER}/*/*"), key="run")
         with _writing(path):
             path.mkdir(parents=True, exist_ok=True)
         with _locked(path):
@@ -222,12 +225,11 @@ def _settings(path: Path) -> dict[str, Any]:
 
 def _has_moved(key: str, now: Mapping[str, Any]) -> bool:
     """Whether ``key`` is what an earlier version called a setting that is among those of ``now`` by another name."""
-    known = {each.removeprefix("settings.") for each in now if each.startswith("settings.")}
+    known = {each.removeprefix("settings.") for each in now}
     return key not in now and moved(key.removeprefix("settings."), known) is not None
 
 
-def _flat(tree: Any, cadence: tuple[str, ...], prefix: str = "") -> dict[str, Any]:
-    if not isinstance(tree, dict):
-        return {prefix: tree}
-    inner = [_flat(v, cadence, f"{prefix}.{k}" if prefix else k) for k, v in tree.items() if k not in cadence]
-    return {k: v for part in inner for k, v in part.items()}
+def _flat(tree: Mapping[str, Any], cadence: tuple[str, ...]) -> dict[str, Any]:
+    """Return dotted keys -> values, without empty groups and what may change between calls."""
+    leaves = dotted(tree).items()
+    return {key: value for key, value in leaves if value != {} and not {*key.split(".")} & {*cadence}}

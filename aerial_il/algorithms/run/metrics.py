@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from aerial_il.algorithms.run.state import Snapshot
+from aerial_il.algorithms.run.state import Part
 
 
-class MetricMeans:
+class MetricMeans(Part):
     """Sums and counts of named numbers; part of a run's state, so that a resumed run logs the same means."""
+
+    changing = ("_sums",)
 
     def __init__(self) -> None:
         self._sums: dict[str, list[float]] = {}
@@ -25,9 +27,3 @@ class MetricMeans:
         means = {name: total / count for name, (total, count) in self._sums.items()}
         self._sums = {}
         return means
-
-    def snapshot(self) -> Snapshot:
-        return Snapshot({}, {"sums": {name: list(total) for name, total in self._sums.items()}})
-
-    def restore(self, saved: Snapshot) -> None:
-        self._sums = {name: list(total) for name, total in saved.values["sums"].items()}

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Protocol
+from copy import deepcopy
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 import torch
+from torch import nn
 
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -23,6 +25,7 @@ class Snapshot(NamedTuple):
     values: Mapping[str, Any] = {}
 
 
+@runtime_checkable
 class Stateful(Protocol):
     """Anything whose state decides how a run goes on."""
 
@@ -33,6 +36,14 @@ class Stateful(Protocol):
     def restore(self, saved: Snapshot) -> None:
         """Go back to the moment at which ``saved`` was taken."""
         ...
+
+
+@runtime_checkable
+class Remembering(Protocol):
+    """What flies n worlds and remembers something of each, such as a policy."""
+
+    def memory(self) -> dict[str, np.ndarray]: ...
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None: ...
 
 
 def pack(parts: Mapping[str, Stateful], policy: ChunkPolicy) -> Checkpoint:
@@ -66,14 +77,58 @@ def separate(saved: Snapshot, parts: Mapping[str, Stateful]) -> None:
         part.restore(Snapshot(below(name, saved.arrays), saved.values.get(name, {})))
 
 
-class Generator:
-    """A numpy generator as a part of a run."""
+class Part:
+    """A part of a run whose state is that of some of its attributes.
 
-    def __init__(self, rng: np.random.Generator) -> None:
-        self.rng = rng
+    Class attribute ``changing``: which ones; they are kept by their names without a leading underscore. They may be
+    arrays, mappings of arrays, networks, generators, what has a ``memory``, other parts, or plain values.
+    """
+
+    changing: ClassVar[tuple[str, ...]] = ()
 
     def snapshot(self) -> Snapshot:
-        return Snapshot({}, {"state": self.rng.bit_generator.state})
+        arrays, values = dict[str, np.ndarray](), dict[str, Any]()
+        for key, value in ((name.lstrip("_"), getattr(self, name)) for name in self.changing):
+            match value:
+                case np.ndarray():
+                    arrays[key] = value.copy()
+                case np.random.Generator():
+                    values[key] = value.bit_generator.state
+                case nn.Module():
+                    arrays |= under(key, weights_of(value))
+                case Remembering():
+                    arrays |= under(key, value.memory())
+                case Stateful():
+                    inner = value.snapshot()
+                    arrays |= under(key, inner.arrays)
+                    values |= {key: dict(inner.values)} if inner.values else {}
+                case _:
+                    values[key] = deepcopy(value)
+        return Snapshot(arrays, values)
 
     def restore(self, saved: Snapshot) -> None:
-        self.rng.bit_generator.state = saved.values["state"]
+        for name in self.changing:
+            key, value = name.lstrip("_"), getattr(self, name)
+            match value:
+                case np.ndarray():
+                    setattr(self, name, saved.arrays[key].copy())
+                case np.random.Generator():
+                    value.bit_generator.state = saved.values[key]
+                case nn.Module():
+                    load_weights(value, below(key, saved.arrays))
+                case Remembering():
+                    value.recall(below(key, saved.arrays))
+                case Stateful():
+                    value.restore(Snapshot(below(key, saved.arrays), saved.values.get(key, {})))
+                case _:
+                    setattr(self, name, deepcopy(saved.values[key]))
+
+
+def weights_of(network: nn.Module) -> dict[str, np.ndarray]:
+    """Return copies of a network's weights and buffers as arrays."""
+    return {name: value.detach().cpu().numpy().copy() for name, value in network.state_dict().items()}
+
+
+def load_weights(network: nn.Module, arrays: Mapping[str, np.ndarray]) -> None:
+    """Put :func:`weights_of`'s result into a network."""
+    network.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})

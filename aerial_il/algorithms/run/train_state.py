@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.policies.parts.prefixed import below
+from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
+from aerial_il.policies.parts.prefixed import below, under
 
 
 class TrainState[Network: nn.Module]:
@@ -42,26 +43,38 @@ class TrainState[Network: nn.Module]:
         return None if clip_norm is None else nn.utils.clip_grad_norm_(self._weights, clip_norm).item()
 
     def snapshot(self) -> Snapshot:
-        weights = {f"network.{name}": array for name, array in weights_of(self.network).items()}
-        moments = {f"optimizer.{name}": value for name, value in to_arrays(self.optimizer).items()}
-        return Snapshot({**weights, **moments})
+        return Snapshot({**under("network", weights_of(self.network)), **under("optimizer", to_arrays(self.optimizer))})
 
     def restore(self, saved: Snapshot) -> None:
         load_weights(self.network, below("network", saved.arrays))
         from_arrays(self.optimizer, below("optimizer", saved.arrays))
 
 
-class Weights:
-    """A network that is moved without an optimiser, as one part of a run's state."""
+class Follower[Network: nn.Module]:
+    """A copy of a network that follows it slowly: a target network, or the average of its weights.
 
-    def __init__(self, network: nn.Module) -> None:
-        self._network = network
+    Args:
+        network: what is followed.
+
+    Attributes:
+        network: the copy.
+    """
+
+    def __init__(self, network: Network) -> None:
+        self.network = copy.deepcopy(network).requires_grad_(False)
+        self._pairs = list(zip(self.network.parameters(), network.parameters(), strict=True))
+
+    @torch.no_grad()
+    def follow(self, share: float) -> None:
+        """Move that ``share`` of the way to the network as it is now (Polyak averaging)."""
+        for copied, followed in self._pairs:
+            copied.lerp_(followed, share)
 
     def snapshot(self) -> Snapshot:
-        return Snapshot({name: array.copy() for name, array in weights_of(self._network).items()})
+        return Snapshot(weights_of(self.network))
 
     def restore(self, saved: Snapshot) -> None:
-        load_weights(self._network, saved.arrays)
+        load_weights(self.network, saved.arrays)
 
 
 def adam(network: nn.Module, lr: float) -> torch.optim.Adam:
@@ -75,16 +88,6 @@ def adamw(network: nn.Module, *, weight_decay: float) -> torch.optim.AdamW:
     vectors = [p for p in network.parameters() if p.ndim <= 1]
     groups = [{"params": matrices, "weight_decay": weight_decay}, {"params": vectors, "weight_decay": 0.0}]
     return torch.optim.AdamW(groups, fused=True)
-
-
-def weights_of(network: nn.Module) -> dict[str, np.ndarray]:
-    """Return a network's weights and buffers as arrays."""
-    return {name: value.detach().cpu().numpy() for name, value in network.state_dict().items()}
-
-
-def load_weights(network: nn.Module, arrays: Mapping[str, np.ndarray]) -> None:
-    """Put :func:`weights_of`'s result into a network."""
-    network.load_state_dict({name: torch.from_numpy(array.copy()) for name, array in arrays.items()})
 
 
 def to_arrays(optimizer: torch.optim.Optimizer) -> dict[str, np.ndarray]:

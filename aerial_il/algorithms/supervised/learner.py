@@ -2,22 +2,40 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Mapping
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
 from aerial_il.algorithms.run.metrics import MetricMeans
-from aerial_il.algorithms.run.state import Snapshot
-from aerial_il.algorithms.run.train_state import TrainState, adamw, load_weights, weights_of
-from aerial_il.core.errors import TrainingDivergedError
+from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
+from aerial_il.algorithms.run.train_state import Follower, TrainState, adamw
+from aerial_il.core.errors import InvalidValueError, TrainingDivergedError
 from aerial_il.policies.parts.network import ChunkNetwork
-from aerial_il.policies.parts.prefixed import below
+from aerial_il.policies.parts.prefixed import below, under
 
 HINT = "Lower the learning rate; the last checkpoint is intact."
+
+
+def require_device(name: str) -> None:
+    """Refuse a torch device that is not there, or that there cannot be."""
+    try:
+        device = torch.device(name)
+    except RuntimeError as error:
+        raise InvalidValueError(f"device={name} is none that torch knows. Use cpu, cuda or cuda:1.") from error
+    count = torch.cuda.device_count()
+    if device.type == "cuda" and not count:
+        raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
+    if device.type == "cuda" and (device.index or 0) >= count:
+        raise InvalidValueError(f"device={name}: there are {count} GPUs here, counted from 0.")
+
+
+def precision(device: str, *, mixed: bool) -> torch.autocast:
+    """Return the context in which the loss is computed: bfloat16 where ``mixed`` and on a GPU, else float32."""
+    mixed = mixed and device.startswith("cuda")
+    return torch.autocast("cuda" if mixed else "cpu", dtype=torch.bfloat16, enabled=mixed)
 
 
 def cosine(progress: float, step: int, *, warmup_steps: int, floor: float) -> float:
@@ -33,30 +51,11 @@ def cosine(progress: float, step: int, *, warmup_steps: int, floor: float) -> fl
     return warm * (floor + (1 - floor) * 0.5 * (1 + math.cos(math.pi * min(1.0, progress))))
 
 
-class Ema[Network: nn.Module]:
-    """An exponential moving average of a network's weights.
-
-    Early on the average follows faster, ``min(decay, (1 + step) / (10 + step))``, to forget the random start.
-
-    Attributes:
-        network: a copy whose weights are the average.
-    """
-
-    def __init__(self, network: Network, decay: float) -> None:
-        self.decay = decay
-        self.network: Network = copy.deepcopy(network).requires_grad_(False).eval()
-        self._pairs = list(zip(self.network.parameters(), network.parameters(), strict=True))
-
-    @torch.no_grad()
-    def update(self, step: int) -> None:
-        """Move the average towards the current weights after optimisation step ``step``."""
-        decay = min(self.decay, (1 + step) / (10 + step))
-        for average, current in self._pairs:
-            average.lerp_(current, 1 - decay)
-
-
 class Learner:
     """A network, its optimiser, its averaged weights and its counters.
+
+    The average moves exponentially. Early on it follows faster, ``min(ema, (1 + step) / (10 + step))``, to forget the
+    random start.
 
     Args:
         network: what is trained.
@@ -75,11 +74,8 @@ class Learner:
         self.network, self.clip_norm = network.train(), clip_norm
         self.step, self.elapsed_s, self.means = 0, 0.0, MetricMeans()
         self._trained = TrainState(network, adamw(network, weight_decay=weight_decay))
-        self._ema = Ema(network, ema)
-
-    @property
-    def averaged(self) -> ChunkNetwork:
-        return self._ema.network
+        self._ema, self._average = ema, Follower(network)
+        self.averaged = self._average.network.eval()
 
     def descend(self, loss: Tensor, *, lr: float, logged: Mapping[str, Tensor]) -> None:
         """Take one step against the gradient of ``loss``; log it and the ``logged`` scalars.
@@ -94,15 +90,13 @@ class Learner:
         self._require_finite("The gradient", norm)
         self._trained.set_lr(lr)
         self._trained.optimizer.step()
-        self._ema.update(self.step)
+        self._average.follow(1 - min(self._ema, (1 + self.step) / (10 + self.step)))
         self.step += 1
         self.means.add({"loss": value, "grad_norm": norm, **{k: v.item() for k, v in logged.items()}})
 
     def snapshot(self) -> Snapshot:
-        trained = self._trained.snapshot().arrays
-        averaged = {f"averaged.{name}": array for name, array in weights_of(self.averaged).items()}
-        counters = {"step": self.step, "elapsed_s": self.elapsed_s, "means": self.means.snapshot().values}
-        return Snapshot({**trained, **averaged}, counters)
+        arrays = {**self._trained.snapshot().arrays, **under("averaged", weights_of(self.averaged))}
+        return Snapshot(arrays, {"step": self.step, "elapsed_s": self.elapsed_s, "means": self.means.snapshot().values})
 
     def restore(self, saved: Snapshot) -> None:
         self._trained.restore(saved)

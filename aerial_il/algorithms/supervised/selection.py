@@ -8,9 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from aerial_il.core.checks import require_choice
+from aerial_il.core.checks import make_tuples, require_choice
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.settings import make_tuples
 from aerial_il.data.episode import Episode
 
 Quality = Literal["duration", "smoothness", "reward"]

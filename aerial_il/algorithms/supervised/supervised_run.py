@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import torch
@@ -16,23 +17,20 @@ from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import pack, unpack
-from aerial_il.algorithms.run.threads import torch_threads
-from aerial_il.algorithms.supervised.best_checkpoint import BestCheckpoint
-from aerial_il.algorithms.supervised.device import require_device
-from aerial_il.algorithms.supervised.learner import Learner
+from aerial_il.algorithms.supervised.learner import Learner, require_device
 from aerial_il.algorithms.supervised.loader import AHEAD, Loader
-from aerial_il.algorithms.supervised.prepared import Prepared
-from aerial_il.algorithms.supervised.training_set import TrainingSet
+from aerial_il.algorithms.supervised.training_set import Prepared, TrainingSet
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
-from aerial_il.core.seeding import torch_rng
+from aerial_il.core.seeding import torch_rng, torch_threads
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, masked_mean
 from aerial_il.policies.parts.vision import build_network
 
 SUCCESS = "success"
+LOWER_IS_BETTER = ("crashes", "dropped", "time_to_success_s")
 
 
 class SupervisedRun:
@@ -64,7 +62,7 @@ class SupervisedRun:
 
     def build_network(self) -> ChunkNetwork:
         """Return a new network of the policy, with the initial policy's weights if there is one."""
-        network = build_network(self._data.policy, self._data.layout).to(self._settings.device)
+        network = build_network(self._data.policy, self._data.interface.layout).to(self._settings.device)
         if self._data.initial:
             network.load_state_dict(self._data.initial.network.state_dict())
         return network
@@ -158,6 +156,34 @@ class SupervisedRun:
             acting, origin = self._policy, {**self._policy.origin, "chosen": label}
             ChunkPolicy(acting.config, acting.interface, acting.network, origin).save(self._folder.path / BEST)
         return bool(patience and best.stale >= patience)
+
+
+@dataclass(frozen=True)
+class BestCheckpoint:
+    """The best of a run's evaluations so far, read from its metrics alone, so that a resumed run decides alike.
+
+    Attributes:
+        value: highest value, or the lowest of what had better be low. step: where it was reached, for the last time.
+        stale: evaluations since it was reached for the first time.
+        evaluations: how many there were.
+    """
+
+    value: float
+    step: int
+    stale: int
+    evaluations: int
+
+    @staticmethod
+    def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
+        """Compare by the number called ``name``; None where no row has it."""
+        values = [(row[name], int(row["step"])) for row in rows if name in row]
+        if not values:
+            return None
+        sign = -1.0 if name.rpartition("/")[2] in LOWER_IS_BETTER else 1.0
+        merits = [-math.inf if math.isnan(value) else sign * value for value, _ in values]
+        place = merits.index(max(merits))
+        step = max(step for merit, (_, step) in zip(merits, values, strict=True) if merit == merits[place])
+        return BestCheckpoint(values[place][0], step, len(values) - 1 - place, len(values))
 
 
 @contextmanager

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
@@ -17,7 +19,8 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.windows import Windows
+from aerial_il.data.windows import Batch, Windows
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicySettings, Shown, shown
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -25,6 +28,7 @@ from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
 
 GIB = 2**30
+BLOCK = 8192  # windows at once
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
 VALIDATE = "Find out more: aerial-il validate PATH"
 
@@ -52,8 +56,8 @@ def read_demos(
     Whatever nothing should learn from is refused.
 
     Raises:
-        InvalidValueError: there is no success, episodes come from different environments, one is shorter than the
-            policy's chunk, a value is not finite, or the images do not fit into memory.
+        InvalidValueError: there is no success, episodes come from different environments, a value is not finite, or
+            the images do not fit into memory.
         UnknownNameError: the episodes lack an observation field.
     """
     demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
@@ -63,7 +67,7 @@ def read_demos(
     demos = unite(demos)
     layout = Layout.of(demos[0].spec, policy)
     for episode in demos:
-        _check(episode, layout, policy.chunk)
+        _check(episode, layout)
     return layout, demos
 
 
@@ -83,11 +87,9 @@ def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterat
         yield episode
 
 
-def _check(episode: Episode, layout: Layout, chunk: int) -> None:
+def _check(episode: Episode, layout: Layout) -> None:
     if differing := layout.spec.differences(episode.spec):
         raise InvalidValueError(f"Episode {episode.uid} comes from another environment: {'; '.join(differing)}.")
-    if len(episode) < chunk:
-        raise InvalidValueError(f"Episode {episode.uid} has {len(episode)} steps; chunk={chunk} must not be longer.")
     try:
         layout.flatten(episode.obs)
     except NonFiniteActionError as error:
@@ -107,10 +109,10 @@ def check_recorded(spec: EnvSpec, expect: Mapping[str, str]) -> None:
         expect: any of ``robot``, ``task``, ``tier``, ``action`` (level) and ``cameras`` (commas between).
     """
     cameras = ",".join(f.name for f in spec.observation.of_group("image")) or "none"
-    found = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
+    has = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level, "cameras": cameras}
     for key, wanted in expect.items():
-        if found[key] != wanted:
-            raise InvalidValueError(f"The dataset was recorded with {key}={found[key]}; {key}={wanted} was asked for.")
+        if has[key] != wanted:
+            raise InvalidValueError(f"The dataset was recorded with {key}={has[key]}; {key}={wanted} was asked for.")
 
 
 def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T], list[T]]:
@@ -125,7 +127,15 @@ def split[T](demos: Sequence[T], fraction: float, *, seed: int) -> tuple[list[T]
 
 
 def cut_windows(demos: Sequence[Episode], layout: Layout, policy: PolicySettings) -> Windows:
-    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown."""
+    """Cut ``demos`` into windows, labelled by the expert where it was asked, else by what was flown.
+
+    Raises:
+        InvalidValueError: a chunk is longer than any episode of the environment may last.
+    """
+    spec = demos[0].spec
+    if policy.chunk > spec.max_steps and not spec.is_foreign:
+        problem = f"policy.chunk={policy.chunk} must not be longer than an episode, {spec.max_steps} steps"
+        raise InvalidValueError(f"{problem}. Chunks of 10 to 50 are common.")
     return Windows(
         demos,
         layout.names,
@@ -142,11 +152,20 @@ def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
     return None if np.ptp(weights) == 0 else weights[windows.episode]
 
 
+def _blocks(windows: Windows) -> Iterator[Batch]:
+    """Yield all windows in their order, some at a time: together they take many times the room of what they show."""
+    for start in range(0, len(windows), BLOCK):
+        yield windows[np.arange(start, min(start + BLOCK, len(windows)))]
+
+
 def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
     """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights."""
     seal = hashlib.sha256()
-    for array in (*windows[np.arange(len(windows))], *([] if weights is None else [weights])):
-        seal.update(np.ascontiguousarray(array).tobytes())
+    for field in Batch._fields:
+        for batch in _blocks(windows):
+            seal.update(np.ascontiguousarray(getattr(batch, field)).tobytes())
+    if weights is not None:
+        seal.update(np.ascontiguousarray(weights).tobytes())
     for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
         seal.update(np.ascontiguousarray(frames))
     return seal.hexdigest()
@@ -154,11 +173,16 @@ def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
 
 def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> Interface:
     """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
-    obs, actions, is_pad = windows[np.arange(len(windows))]
-    frames = layout.relate(obs[:, -1])
-    targets = to_offsets(layout, actions, obs)[~is_pad]
-    action = Normaliser.fit(targets, policy.action_scaling)
-    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
+    frames, targets = [], np.empty((len(windows) * windows.chunk, layout.spec.action.size), np.float32)
+    filled = 0
+    for obs, actions, is_pad in _blocks(windows):
+        frames.append(layout.relate(obs[:, -1]))
+        shown = to_offsets(layout, actions, obs)[~is_pad]
+        targets[filled : filled + len(shown)] = shown
+        filled += len(shown)
+    targets = targets[:filled]
+    action = Normaliser.fit(targets, policy.action_scaling, reach=layout.spec.action.reach)
+    return Interface(layout, Normaliser.fit(np.concatenate(frames)), action, policy.obs_clip, Switches.fit(targets))
 
 
 class TrainingSet:
@@ -236,3 +260,56 @@ def _reach(weights: np.ndarray) -> np.ndarray:
 def _visits(reach: np.ndarray, start: float) -> np.ndarray:
     """Return the windows (N,) visited in an epoch, each as its weight says, rounded up or down by ``start``."""
     return np.repeat(np.arange(len(reach)), np.diff(np.floor(reach + start).astype(int), prepend=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """What a run of supervised learning is given.
+
+    Attributes:
+        policy: what is trained. initial: whose weights it starts from, or None.
+        interface: the way into and out of its network.
+        training: windows to learn from. held_out: windows to validate on, or None.
+        order: in which they are visited.
+        description: what of the data decides the run.
+    """
+
+    policy: PolicySettings
+    initial: ChunkPolicy | None
+    interface: Interface
+    training: TrainingSet
+    held_out: TrainingSet | None
+    order: Shuffle
+    description: dict[str, Any]
+
+
+def prepare(
+    demos: Demonstrations,
+    policy: PolicySettings,
+    *,
+    batch_size: int,
+    device: str,
+    seed: int,
+    initial: ChunkPolicy | None,
+) -> Prepared:
+    """Cut demonstrations into windows and normalise them, as ``initial`` does where it is given.
+
+    Raises:
+        InvalidValueError: ``initial`` has another configuration than ``policy``.
+    """
+    layout = demos.layout
+    if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
+        raise InvalidValueError("The initial policy has another configuration than the one to train.")
+    windows = cut_windows(demos.kept, layout, policy)
+    weights = window_weights(demos.weights, windows)
+    interface = initial.interface if initial else fit_interface(layout, windows, policy)
+    training = TrainingSet(windows, interface, device)
+    held_out = TrainingSet(cut_windows(demos.held_out, layout, policy), interface, device) if demos.held_out else None
+    order = Shuffle(len(training), batch_size, seed=seed, weights=weights)
+    data = {
+        "demonstrations": len(demos.kept) + len(demos.held_out),
+        "frames": len(training),
+        "digest": digest_of(windows, weights),
+    }
+    start = {"initial": digest(Checkpoint(initial.to_checkpoint().arrays))} if initial else {}
+    return Prepared(policy, initial, interface, training, held_out, order, {"dataset": data, **start})

@@ -9,7 +9,7 @@ only, for help and completion to answer at once.
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,6 +29,7 @@ class Command:
         run: does the work, and prints what came of it.
         bare, output: as above; no output for a command that writes nothing.
         shards: of a command whose work can be divided: settings -> for each part, words and a folder for its log.
+        together: of a command whose results are worth comparing: prints what the folders of a sweep hold.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Command:
     bare: tuple[str, ...] = ()
     output: str = ""
     shards: Callable[[Any], list[tuple[tuple[str, ...], str]]] | None = None
+    together: Callable[[Sequence[str]], None] | None = None
 
     @property
     def summary(self) -> str:
@@ -61,7 +63,8 @@ def find(name: str) -> Command:
     module = importlib.import_module(_modules()[name])
     more = {each: getattr(module, each.upper()) for each in ("bare", "output") if hasattr(module, each.upper())}
     doc, shards = (module.__doc__ or "").strip(), getattr(module, "shards", None)
-    return Command(name, doc, module.SETTINGS, module.run, **more, shards=shards)
+    together = getattr(module, "together", None)
+    return Command(name, doc, module.SETTINGS, module.run, **more, shards=shards, together=together)
 
 
 @cache

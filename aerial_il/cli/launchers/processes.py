@@ -14,8 +14,9 @@ from dataclasses import dataclass
 
 from aerial_il.cli.sweeps.board import BAD_USAGE, Board
 from aerial_il.cli.sweeps.job import Job, start, stop
-from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.errors import AerialError
 from aerial_il.suite.physics.thread_pool import available_cores
+from aerial_il.workflows.parts.names import at_least
 
 POLL_S = 0.1
 
@@ -35,10 +36,7 @@ class Processes:
     retries: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.jobs, self.retries) < 0 or self.threads < 1:
-            raise InvalidValueError(
-                f"jobs={self.jobs} and retries={self.retries} must be at least 0, threads={self.threads} at least 1."
-            )
+        at_least(self, jobs=0, threads=1, retries=0)
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         abreast = min(len(jobs), self.jobs or max(1, available_cores() // self.threads))
@@ -48,7 +46,7 @@ class Processes:
         try:
             while waiting or running:
                 while waiting and len(running) < abreast:
-                    self._begin(waiting.popleft(), running, board, cores)
+                    self._start(waiting.popleft(), running, board, cores)
                 for job, process in list(running.items()):
                     if (status := process.poll()) is not None:
                         del running[job]
@@ -62,7 +60,7 @@ class Processes:
         finally:
             stop(running.values())
 
-    def _begin(self, job: Job, running: dict[Job, subprocess.Popen[bytes]], board: Board, cores: int) -> None:
+    def _start(self, job: Job, running: dict[Job, subprocess.Popen[bytes]], board: Board, cores: int) -> None:
         board.started(job)
         try:
             running[job] = start(job, threads=self.threads, cores=cores)

@@ -16,6 +16,7 @@ from aerial_il.cli.sweeps.board import BAD_USAGE, Board
 from aerial_il.cli.sweeps.job import Job, start, stop
 from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.workflows.parts.names import at_least
 
 POLL_S = 0.5
 _OURS = {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}  # nothing is sent anywhere
@@ -41,11 +42,7 @@ class Ray:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.jobs, self.retries, self.gpus) < 0 or min(self.cores, self.threads) < 1:
-            raise InvalidValueError(
-                f"jobs={self.jobs}, retries={self.retries} and gpus={self.gpus} must not be negative, "
-                f"cores={self.cores} and threads={self.threads} at least 1."
-            )
+        at_least(self, jobs=0, cores=1, gpus=0, retries=0, threads=1)
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         require("ray", extra="cluster")

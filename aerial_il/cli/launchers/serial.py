@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 from aerial_il.cli.sweeps.board import BAD_USAGE, Board
 from aerial_il.cli.sweeps.job import Job, limits
-from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.errors import AerialError
+from aerial_il.workflows.parts.names import at_least
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,7 @@ class Serial:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        if self.threads < 1:
-            raise InvalidValueError(f"threads={self.threads} must be at least 1.")
+        at_least(self, threads=1)
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         with _limited(self.threads):

@@ -22,6 +22,7 @@ from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.workflows.parts.names import at_least
 
 FOLDER = ".slurm"  # of a job's own: what was submitted, under which number, and how it ended
 SUBMITTED = "submitted.json"
@@ -57,12 +58,7 @@ class Slurm:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if not self.hours > 0 or min(self.cores, self.threads) < 1 or min(self.requeues, self.gpus, self.signal_s) < 0:
-            raise InvalidValueError(
-                f"hours={self.hours} must be positive, cores={self.cores} and threads={self.threads} at least 1, "
-                f"requeues={self.requeues}, gpus={self.gpus} and signal_s={self.signal_s} not negative."
-            )
-
+        at_least(self, requeues=0, cores=1, gpus=0, signal_s=0, threads=1)
         if 3600 * self.hours < self.signal_s + _EARLY_S:
             raise InvalidValueError(
                 f"hours={self.hours} is too short: a job is signalled signal_s={self.signal_s} seconds before its end, "
@@ -71,7 +67,7 @@ class Slurm:
 
     def launch(self, jobs: Sequence[Job], board: Board) -> None:
         require("submitit", extra="cluster")
-        _check_cluster()
+        _asked("sinfo", "--noheader")  # a mistake shows before anything is submitted
         numbers = dict[Job, str]()
         try:
             for job in jobs:
@@ -181,8 +177,8 @@ def _status(job: Job, number: str) -> int | None:
 def _still_queued(job: Job) -> str | None:
     """Return the number under which an earlier call queued this very job, if it still waits or runs."""
     try:
-        told = read_json(Path(job.folder) / FOLDER / SUBMITTED)
-        number, same = str(told["job_id"]), told["overrides"] == list(job.overrides)
+        note = read_json(Path(job.folder) / FOLDER / SUBMITTED)
+        number, same = str(note["job_id"]), note["overrides"] == list(job.overrides)
     except (OSError, ValueError, LookupError, TypeError):
         return None
     return number if same and number in _queue() and _status(job, number) is None else None
@@ -190,18 +186,21 @@ def _still_queued(job: Job) -> str | None:
 
 def _queue() -> set[str]:
     """Return the numbers of this user's jobs that wait or run."""
-    asked = ["squeue", "--me", "--noheader", "--format=%i"]
-    found = subprocess.run(asked, capture_output=True, text=True, check=False)
-    if found.returncode:
-        raise InvalidValueError(f"squeue failed: {found.stderr.strip()}. The jobs go on; the same command finds them.")
-    return set(found.stdout.split())
+    return set(_asked("squeue", "--me", "--noheader", "--format=%i").split())
 
 
-def _check_cluster() -> None:
+def _asked(*words: str) -> str:
+    """Return what a command of SLURM prints.
+
+    Raises:
+        InvalidValueError: there is no such command, or SLURM does not answer.
+    """
     try:
-        found = subprocess.run(["sinfo", "--noheader"], capture_output=True, text=True, check=False)
+        answer = subprocess.run(words, capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
         hint = "Call it on a login node; to try it on this machine: make slurm"
-        raise InvalidValueError(f"launcher=slurm needs SLURM's commands, and there is no sinfo. {hint}") from error
-    if found.returncode:
-        raise InvalidValueError(f"SLURM does not answer: {found.stderr.strip()}")
+        raise InvalidValueError(f"launcher=slurm needs SLURM's commands, and there is no {words[0]}. {hint}") from error
+    if answer.returncode:
+        goes_on = "Jobs that were submitted go on; the same command finds them."
+        raise InvalidValueError(f"{words[0]} failed: {answer.stderr.strip()}. {goes_on}")
+    return answer.stdout

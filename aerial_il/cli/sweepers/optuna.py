@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.training_run import METRICS
+from aerial_il.workflows.parts.names import at_least
 
 STUDY, JOURNAL = "search", "search.journal"
 POLL_S = 0.2
@@ -50,11 +51,7 @@ class Optuna:
     cores: int = 1
 
     def __post_init__(self) -> None:
-        if min(self.trials, self.jobs, self.threads, self.cores) < 1 or min(self.startup, self.seed) < 0:
-            raise InvalidValueError(
-                f"trials={self.trials}, jobs={self.jobs}, threads={self.threads} and cores={self.cores} must be at "
-                f"least 1, startup={self.startup} and seed={self.seed} not negative."
-            )
+        at_least(self, trials=1, jobs=1, startup=0, seed=0, threads=1, cores=1)
 
     def search(self, command: str, space: Mapping[str, Any], fixed: Sequence[str], target: str, folder: str) -> Board:
         """Try points of ``space`` until there are enough, and print the best one.
@@ -101,24 +98,20 @@ class Optuna:
         )
 
 
+@dataclass(eq=False)
 class _Search:
     """Trials under way: their runs' metrics are read as they are written, and reported."""
 
-    def __init__(
-        self,
-        study: Any,
-        settings: Optuna,
-        command: str,
-        space: Mapping[str, Any],
-        fixed: Sequence[str],
-        target: str,
-        folder: str,
-    ) -> None:
-        self.study, self.settings, self.space = study, settings, space
-        self._command, self._fixed, self._target, self._folder = command, fixed, target, folder
-        self._running = dict[Job, tuple[Any, subprocess.Popen[bytes]]]()
-        self._told = dict[Job, int]()  # how many values of a trial were reported
-        self.board = Board([])
+    study: Any
+    settings: Optuna
+    command: str
+    space: Mapping[str, Any]
+    fixed: Sequence[str]
+    target: str
+    folder: str
+    board: Board = field(default_factory=lambda: Board([]))
+    _running: dict[Job, tuple[Any, subprocess.Popen[bytes]]] = field(default_factory=dict)
+    _reported: dict[Job, int] = field(default_factory=dict)  # how many values of a trial
 
     def run(self) -> None:
         from optuna.trial import Trial, TrialState
@@ -127,7 +120,7 @@ class _Search:
         try:
             while self._running or left or self._count() < self.settings.trials:
                 while len(self._running) < self.settings.jobs and (left or self._count() < self.settings.trials):
-                    self._begin(left.pop(0) if left else self._ask())
+                    self._start(left.pop(0) if left else self._ask())
                 for job in list(self._running):
                     self._look_at(job)
                 time.sleep(POLL_S)
@@ -141,12 +134,12 @@ class _Search:
         self.study.sampler = self.settings.sampler(self._count())
         return self.study.ask(dict(self.space))
 
-    def _begin(self, trial: Any) -> None:
+    def _start(self, trial: Any) -> None:
         from optuna.trial import TrialState
 
-        folder = f"{self._folder}/trial={trial.number}"
-        words = (*self._fixed, *(f"{key}={value}" for key, value in trial.params.items()), f"{self._target}='{folder}'")
-        job = Job(self._command, words, folder)
+        folder = f"{self.folder}/trial={trial.number}"
+        words = (*self.fixed, *(f"{key}={value}" for key, value in trial.params.items()), f"{self.target}='{folder}'")
+        job = Job(self.command, words, folder)
         self.board.jobs = (*self.board.jobs, job)
         self.board.started(job)
         try:
@@ -156,7 +149,7 @@ class _Search:
             self.board.ended(job, 1, str(error))
         else:
             reported = self.study.get_trials(deepcopy=False)[trial.number].intermediate_values
-            self._running[job], self._told[job] = (trial, process), len(reported)
+            self._running[job], self._reported[job] = (trial, process), len(reported)
 
     def _look_at(self, job: Job) -> None:
         """Report what a run has reached since; stop it where it falls behind, and tell how it ended."""
@@ -164,9 +157,9 @@ class _Search:
 
         trial, process = self._running[job]
         status, values = process.poll(), self._values(job)
-        for step, value in values[self._told[job] :]:
+        for step, value in values[self._reported[job] :]:
             trial.report(value, step)
-        fresh, self._told[job] = len(values) > self._told[job], len(values)
+        fresh, self._reported[job] = len(values) > self._reported[job], len(values)
         if status is None and not (fresh and trial.should_prune()):
             return
         del self._running[job]

@@ -35,19 +35,19 @@ class Board:
     """Told by a launcher what starts and ends.
 
     Args:
-        jobs: all of them. shown: whether what they say goes to a log of theirs, and is shown here by its last line.
+        jobs: all of them; what they say goes to logs of theirs, and is shown here by its last line.
     """
 
-    def __init__(self, jobs: Sequence[Job], *, shown: bool = True) -> None:
+    def __init__(self, jobs: Sequence[Job]) -> None:
         self.jobs, self.outcomes = tuple(jobs), dict[Job, Outcome]()
-        self._began: dict[Job, float] = {}
+        self._started: dict[Job, float] = {}
         self._bars: dict[Job, Progress] = {}
-        self._drawn, self._told = shown and is_terminal(sys.stderr), time.monotonic()
+        self._drawn, self._refreshed = is_terminal(sys.stderr), time.monotonic()
         self._bar = Progress(total=len(jobs), desc="sweep", unit="job", disable=not self._drawn)
 
     def started(self, job: Job) -> None:
         """``job`` is running now."""
-        self._began[job] = time.monotonic()
+        self._started[job] = time.monotonic()
         if self._drawn:
             self._bars[job] = Progress(desc=job.name, bar_format="  {desc}", leave=False)
         else:
@@ -55,22 +55,22 @@ class Board:
 
     def ended(self, job: Job, status: int, reason: str = "") -> None:
         """``job`` has ended with the exit ``status``; ``reason`` says why where its log does not."""
-        seconds = time.monotonic() - self._began.get(job, time.monotonic())
+        seconds = time.monotonic() - self._started.get(job, time.monotonic())
         why = "" if status == 0 else reason or _by_signal(status) or job.complaint()
         self.outcomes[job] = outcome = Outcome(job, status, seconds, why)
         if bar := self._bars.pop(job, None):
             bar.close()
         self._bar.update()
         if not self._drawn:
-            told = outcome.state + (f" ({why[:_SHOWN]})" if why else "")
-            self._say(f"{job.name}: {told}, after {seconds:.0f} s; {len(self.outcomes)} of {len(self.jobs)}.")
+            state = outcome.state + (f" ({why[:_SHOWN]})" if why else "")
+            self._say(f"{job.name}: {state}, after {seconds:.0f} s; {len(self.outcomes)} of {len(self.jobs)}.")
 
     def refresh(self) -> None:
         """Tell what the running jobs said last, if it is time to."""
-        if time.monotonic() - self._told < (_BARS_EVERY_S if self._drawn else _LINES_EVERY_S):
+        if time.monotonic() - self._refreshed < (_BARS_EVERY_S if self._drawn else _LINES_EVERY_S):
             return
-        self._told = time.monotonic()
-        for job in self._began.keys() - self.outcomes.keys():
+        self._refreshed = time.monotonic()
+        for job in self._started.keys() - self.outcomes.keys():
             line = f"{job.name}: {job.last_line()[:_SHOWN]}"
             if job in self._bars:
                 self._bars[job].set_description_str(line)

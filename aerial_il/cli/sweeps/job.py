@@ -57,8 +57,8 @@ class Job:
     def complaint(self) -> str:
         """Return the error that it ended with, as far as its log tells."""
         lines = self._tail()
-        told = [line.removeprefix("aerial-il: ") for line in lines if line.startswith("aerial-il: ")]
-        return (told or lines or [""])[-1]
+        errors = [line.removeprefix("aerial-il: ") for line in lines if line.startswith("aerial-il: ")]
+        return (errors or lines or [""])[-1]
 
     def _tail(self) -> list[str]:
         try:

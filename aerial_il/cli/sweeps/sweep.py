@@ -66,10 +66,10 @@ def conclude(board: Board, again: str) -> None:
     board.close()
     print(board.table())
     if board.failed:
-        raise JobsFailedError(f"{_told(board.failed, len(board.jobs))} Again: {again}", board.status)
+        raise JobsFailedError(f"{_summary(board.failed, len(board.jobs))} Again: {again}", board.status)
 
 
-def _told(failed: Sequence[Outcome], count: int) -> str:
+def _summary(failed: Sequence[Outcome], count: int) -> str:
     """Return which jobs failed, each reason once, and where the first one's words are."""
     reasons: dict[str, list[str]] = {}
     for outcome in failed:

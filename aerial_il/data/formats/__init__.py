@@ -1,7 +1,8 @@
 """Formats of datasets, one file each; ``parts`` holds what they share. A file defines
 
 - ``recognises(path) -> bool``: whether it is the format of a file or folder that exists. Exactly one format may say so.
-- ``read(path, wanted) -> Source``: what lies there, renamed; :mod:`aerial_il.data.check` judges it.
+- ``read(path, wanted) -> Source``: what lies there, renamed and never mended; :mod:`aerial_il.data.check`
+  judges it, and arrays that may be large are read only when it asks for them (:class:`~aerial_il.data.source.Later`).
 - ``write(episodes, out, *, env_spec) -> Path``, where it can: episodes of one environment as one dataset, which appears
   whole or not at all; with ``ENDINGS`` of ``out``, empty for a folder, ``OWN_NAME`` where none is said, and
   ``PICTURES = False`` where it has no place for images. ``env_spec`` is Gymnasium's, as JSON.

@@ -11,11 +11,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from aerial_il.core.bounded import MAX_UNPACKED_BYTES
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.parts.hdf5 import array, holds, opened, require_size, rows
+from aerial_il.data.formats.parts.hdf5 import holds, later, opened
 from aerial_il.data.formats.parts.transitions import KNOWN, source_of
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Source, Wanted
 
 ENDINGS, OWN_NAME = (".hdf5", ".h5"), "d4rl.hdf5"
@@ -28,9 +27,7 @@ def recognises(path: Path) -> bool:
 
 def read(path: Path, wanted: Wanted) -> Source:
     with opened(path, "cannot be read as HDF5") as file:
-        known = [name for name in KNOWN if name in file]
-        require_size(path, file, [rows(path, file, name) for name in known], MAX_UNPACKED_BYTES)
-        return source_of(path, {name: array(path, file, name) for name in known})
+        return source_of(path, {name: later(path, file, name) for name in KNOWN if name in file})
 
 
 def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
@@ -41,8 +38,11 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     episodes = list(episodes)
     observed = episodes[0].spec.observation
     with replacing(out) as temporary, h5py.File(temporary, "w") as file:
-        for name, values in _columns(episodes, observed.state_names).items():
+        columns = _columns(episodes, observed.state_names)
+        require_room(temporary, sum(values.nbytes for values in columns.values()))
+        for name, values in columns.items():
             file[name] = values
+        file.attrs["made_by"] = "aerial_il"
         file["metadata/fields"] = " ".join(f"{name}:{observed[name].size}" for name in observed.state_names)
     return out
 

@@ -27,7 +27,7 @@ def recognises(path: Path) -> bool:
 def read(path: Path, wanted: Wanted) -> Source:
     from aerial_il.data.formats.parts.lerobot import reading
 
-    return reading.read(path, wanted.cameras)
+    return reading.read(path)
 
 
 def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None) -> Path:
@@ -39,11 +39,12 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
 def is_current(dataset: Dataset, out: Path) -> bool:
     """Whether ``out`` is whole and holds just the demonstrations of ``dataset``, and the cameras it was opened with."""
     from aerial_il.data.formats.parts.lerobot import reading, writing
+    from aerial_il.data.formats.parts.lerobot.files import check_lerobot
 
     if not out.exists():
         return False
     try:
-        there = {name for name in reading.check_lerobot(out)["features"] if name.startswith(IMAGES)}
+        there = {name for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
         first = dataset[0]
         wanted = {writing.image_key(name) for name in writing.colour_cameras(first.spec) if name in first.obs}
         return there == wanted and tuple(reading.read(out).raw) == dataset.uids
@@ -52,6 +53,6 @@ def is_current(dataset: Dataset, out: Path) -> bool:
 
 
 def altered(path: Path) -> list[Path]:
-    from aerial_il.data.formats.parts.lerobot import reading
+    from aerial_il.data.formats.parts.lerobot import files
 
-    return reading.altered_files(path)
+    return files.altered_files(path)

@@ -26,9 +26,9 @@ from aerial_il.core.bounded import parse_json, read_json
 from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, later, numbered, opened, require_size
+from aerial_il.data.formats.parts.hdf5 import FAULTS, child, later, numbered, opened
 from aerial_il.data.formats.parts.transitions import FIELD
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 ENDINGS, OWN_NAME = ("",), "minari/flights-v0"
@@ -75,7 +75,10 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     with replacing(out) as temporary:
         (temporary / FILE).parent.mkdir(parents=True)
         with h5py.File(temporary / FILE, "w", track_order=True) as file:
-            lengths = [_write(file, number, episode) for number, episode in enumerate(chain([first], episodes))]
+            lengths = []
+            for number, episode in enumerate(chain([first], episodes)):
+                require_room(temporary, 2 * episode.nbytes)
+                lengths.append(_write(file, number, episode))
         size_mb = round((temporary / FILE).stat().st_size / 1e6, 1)
         told = {**_metadata(first, lengths, out.name), "dataset_size": size_mb}
         told |= {"env_spec": env_spec} if env_spec else {}
@@ -86,21 +89,19 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
 def _raw(path: Path, name: str, spec: EnvSpec | None) -> Raw:
     with opened(path / FILE, f"holds a malformed episode {name!r}") as file:
         group = child(path, file, name, h5py.Group)
-        observed = dict(_observed(path, group))
-        series = {name: child(path, group, name, h5py.Dataset) for name in SERIES}
-        fields = [child(path, *place, h5py.Dataset) for place in observed.values()]
-        require_size(path, group, [*series.values(), *fields])
-        obs = {name: _field(path, *place) for name, place in observed.items()}
+        obs = {name: _field(path, *place) for name, place in _observed(path, group)}
         if spec is not None and len(obs) == len(spec.observation.names) == 1:
             obs = dict(zip(spec.observation.names, obs.values(), strict=True))
-        actions, rewards, terminated, truncated = (array(path, group, name) for name in SERIES)
+        actions, rewards, terminated, truncated = (later(path, group, name) for name in SERIES)
+        success = bool(group.attrs[SUCCESS]) if SUCCESS in group.attrs else None
         return Raw(
             obs=obs,
             actions=actions,
             rewards=rewards,
-            terminated=terminated,
+            terminated=None if spec and success and not spec.is_outside else terminated,  # a success ended it
             truncated=truncated,
-            success=bool(group.attrs[SUCCESS]) if SUCCESS in group.attrs else None,
+            success=success,
+            steps=int(group.attrs["total_steps"]) if "total_steps" in group.attrs else None,
         )
 
 
@@ -137,15 +138,14 @@ def _observed(path: Path, group: h5py.Group) -> Iterator[tuple[str, tuple[h5py.G
         yield name, (inner, name)
 
 
-def _field(path: Path, group: h5py.Group, name: str) -> np.ndarray | Later:
-    """Return (T + 1, ...) numbers, or (T + 1, H, W, C) uint8 of an image."""
-    texts = group[name].dtype.kind == "O"  # type: ignore[union-attr]
-    values = np.zeros((0, 0), np.uint8) if texts else later(path, group, name)
-    packed = isinstance(values, np.ndarray) and values.dtype == np.uint8 and values.ndim == 2 and values.shape[1] > 2
-    if texts or (packed and (np.asarray(values)[:, :3] == JPEG).all()):
+def _field(path: Path, group: h5py.Group, name: str) -> Later:
+    """Return (T + 1, ...) numbers, or pictures."""
+    held: h5py.Dataset = child(path, group, name, h5py.Dataset)
+    packed = held.dtype == np.uint8 and held.ndim == 2 and held.shape[0] and held.shape[1] > 2
+    if held.dtype.kind == "O" or (packed and (np.asarray(held[:1, :3]) == JPEG).all()):
         hint = "Write images with jpeg_encoding=False."
         raise DemoError(path, f"has texts or images as JPEG in {group.name}/{name}, which are not read.", hint=hint)
-    return values
+    return later(path, group, name)
 
 
 def _write(file: h5py.File, number: int, episode: Episode) -> int:
@@ -154,7 +154,8 @@ def _write(file: h5py.File, number: int, episode: Episode) -> int:
     group.attrs.update({"id": number, "total_steps": len(episode), "uid": episode.uid})
     group.attrs[SUCCESS] = episode.success
     over = np.arange(len(episode)) == len(episode) - 1
-    columns = (episode.labels, episode.rewards, episode.terminated, over & ~episode.terminated)
+    ended = over & episode.is_terminal
+    columns = (episode.labels, episode.rewards, ended, over & ~ended)
     observed = {f"observations/{name}": values for name, values in episode.obs.items()}
     if len(observed) == 1:
         observed = {"observations": next(iter(observed.values()))}

@@ -5,14 +5,14 @@ any reader of robomimic files knows. The group ``aerial_il`` beside them keeps w
 preferred on import, so that nothing is lost on the way.
 
 A foreign file, without our group, has neither an environment's bounds nor a terminal observation's state. Success is a
-last reward or ``done`` above zero; where that holds for no demonstration, nobody has said, and all were meant to be
-imitated.
+last reward above zero; where that holds for no demonstration, nobody has said, and all were meant to be imitated.
+What ``dones`` mean, a success or an end for whatever reason, is not said. ``mask/NAME`` lists parts of the dataset.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ from aerial_il.core.errors import DemoError
 from aerial_il.core.specs import UNKNOWN, EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.content_digest import content_digest
-from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, holds, later, numbered, opened, require_size
-from aerial_il.data.formats.parts.whole import replacing
+from aerial_il.data.formats.parts.hdf5 import FAULTS, array, child, holds, later, numbered, opened
+from aerial_il.data.formats.parts.whole import replacing, require_room
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 ENDINGS, OWN_NAME = (".hdf5", ".h5"), "robomimic.hdf5"
@@ -50,6 +50,7 @@ def read(path: Path, wanted: Wanted) -> Source:
         names = {str(demo.attrs.get("uid", name)): name for name, demo in demos.items()}
         ours = {uid for uid, name in names.items() if PRIVATE in demos[name]}
         robot, task, control_dt_s = _named(_env_args(group))
+        filters = dict(_masks(path, file, {name: uid for uid, name in names.items()}))
     return Source(
         path=path,
         kind="a robomimic file",
@@ -58,6 +59,7 @@ def read(path: Path, wanted: Wanted) -> Source:
         robot=robot,
         task=task,
         control_dt_s=control_dt_s,
+        filters=filters,
     )
 
 
@@ -66,6 +68,7 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
     with replacing(out) as temporary, h5py.File(temporary, "w") as file:
         data, total = file.create_group("data"), 0
         for i, episode in enumerate(episodes):
+            require_room(temporary, 3 * episode.nbytes)
             _write(data.create_group(f"demo_{i}"), episode)
             total += len(episode)
             if i == 0:
@@ -94,6 +97,19 @@ def _write(demo: h5py.Group, episode: Episode) -> None:
     private.attrs[DIGEST] = content_digest(episode)
 
 
+def _masks(path: Path, file: h5py.File, uids: Mapping[str, str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the parts of a dataset that it names, by the uids of their demonstrations."""
+    if "mask" in file:
+        masks = child(path, file, "mask", h5py.Group)
+        for name in map(str, masks):
+            listed = np.ravel(child(path, masks, name, h5py.Dataset)[()])
+            yield name, [uids[each] for each in (_text(word) for word in listed) if each in uids]
+
+
+def _text(word: object) -> str:
+    return word.decode(errors="replace") if isinstance(word, bytes) else str(word)
+
+
 def _env_args(data: h5py.Group) -> dict[str, Any]:
     """Return what a file says of its environment; names in it are only ever compared with lists."""
     try:
@@ -103,11 +119,11 @@ def _env_args(data: h5py.Group) -> dict[str, Any]:
     return said if isinstance(said, dict) else {}
 
 
-def _named(env: Mapping[str, Any]) -> tuple[str, str, float]:
+def _named(env: Mapping[str, Any]) -> tuple[str, str, float | None]:
     """Return robot, task and control period (s) as ``env_args`` tell them; robosuite's say the rate."""
     kwargs = env.get("env_kwargs") or {}
     rate, name = kwargs.get("control_freq") if isinstance(kwargs, dict) else None, str(env.get("env_name", UNKNOWN))
-    period = 1 / rate if isinstance(rate, (int, float)) and 0 < rate < 1e6 else 1.0
+    period = 1 / rate if isinstance(rate, (int, float)) and 0 < rate < 1e6 else None
     if env.get("type") == GYM:
         return "gymnasium", name, period
     robots = kwargs.get("robots", UNKNOWN) if isinstance(kwargs, dict) else UNKNOWN
@@ -124,7 +140,7 @@ def _recorded(path: Path, name: str) -> Episode:
             uid=str(demo.attrs["uid"]),
             spec=EnvSpec.from_dict(spec),
             provenance=parse_json(private.attrs["provenance"]),
-            obs=_observed(path, demo, array),
+            obs=_recorded_obs(path, demo),
             actions=array(path, demo, "actions"),
             rewards=array(path, demo, "rewards"),
             states=np.concatenate([array(path, demo, "states"), array(path, private, "final_state")[None]]),
@@ -140,39 +156,35 @@ def _recorded(path: Path, name: str) -> Episode:
 def _raw(path: Path, name: str) -> Raw:
     with opened(path, f"holds a malformed demonstration {name!r}") as file:
         demo = _demo(path, file, name)
-        ends = [array(path, demo, name, last=True) for name in ("rewards", "dones") if name in demo]
+        held = {name: later(path, demo, name) for name in COLUMNS if name in demo}
+        last = held["rewards"][-1:].read().ravel() if "rewards" in held else np.zeros(0)
         return Raw(
-            obs=_observed(path, demo, later),
-            actions=array(path, demo, "actions").astype(float),
-            rewards=array(path, demo, "rewards") if "rewards" in demo else None,
-            states=array(path, demo, "states") if "states" in demo else None,
-            success=True if any(end.size and end.ravel()[-1] > 0 for end in ends) else None,
+            obs=_fields(path, demo, "obs"),
+            next_obs=_fields(path, demo, "next_obs") if "next_obs" in demo else {},
+            actions=held["actions"] if "actions" in held else later(path, demo, "actions"),
+            rewards=held.get("rewards"),
+            done=held.get("dones"),
+            states=held.get("states"),
+            success=True if last.size and last[-1] > 0 else None,
+            steps=_count(demo.attrs.get("num_samples")),
             model_xml=str(demo.attrs.get("model_file", "")),
         )
 
 
+def _count(said: object) -> int | None:
+    return int(said) if isinstance(said, (int, np.integer)) else None
+
+
 def _demo(path: Path, file: h5py.File, name: str) -> h5py.Group:
-    """Return a demonstration all of whose datasets together can be held."""
-    demo = child(path, child(path, file, "data", h5py.Group), name, h5py.Group)
-    inner = [child(path, demo, name, h5py.Group) for name in ("obs", "next_obs", PRIVATE) if name in demo]
-    places = [*((demo, name) for name in COLUMNS if name in demo), *((g, str(name)) for g in inner for name in g)]
-    require_size(path, demo, [child(path, *place, h5py.Dataset) for place in places])
-    return demo
+    return child(path, child(path, file, "data", h5py.Group), name, h5py.Group)
 
 
-def _observed(path: Path, demo: h5py.Group, read: Callable[[Path, h5py.Group, str], Any]) -> dict[str, Any]:
-    """Return (T + 1, ...) observations where the file has the one after the last action, else (T, ...)."""
-    obs: h5py.Group = child(path, demo, "obs", h5py.Group)
-    found = {str(name): read(path, obs, str(name)) for name in obs}
-    after: h5py.Group | None = child(path, demo, "next_obs", h5py.Group) if "next_obs" in demo else None
-    return found if after is None else {name: _ended(path, after, name, values) for name, values in found.items()}
+def _fields(path: Path, demo: h5py.Group, name: str) -> dict[str, Later]:
+    group = child(path, demo, name, h5py.Group)
+    return {str(field): later(path, group, str(field)) for field in group}
 
 
-def _ended(path: Path, after: h5py.Group, name: str, values: np.ndarray | Later) -> np.ndarray | Later:
-    last = array(path, after, name, last=True)
-    if last.shape[1:] != values.shape[1:]:
-        raise DemoError(path, f"has {name} of another shape in {after.name}.", got=last.shape[1:])
-    if isinstance(values, Later):
-        read = values.read
-        return Later((values.shape[0] + 1, *values.shape[1:]), values.dtype, lambda: np.concatenate([read(), last]))
-    return np.concatenate([values, last])
+def _recorded_obs(path: Path, demo: h5py.Group) -> dict[str, np.ndarray]:
+    """Return (T + 1, ...) observations: those before each action, and the one after the last."""
+    seen, after = _fields(path, demo, "obs"), _fields(path, demo, "next_obs")
+    return {name: np.concatenate([values.read(), after[name][-1:].read()]) for name, values in seen.items()}

@@ -9,8 +9,8 @@ import numpy as np
 
 from aerial_il.data.recording.encoding.packing import first_difference
 from aerial_il.data.recording.encoding.topics import RECORD_HEAD, RECORD_HEAD_SIZE, Block, Camera, FixedTopic
+from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import Contents, Stream
-from aerial_il.data.validation import Report
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from aerial_il.data.recording.decoding import Messages, check_shown, read_images
 from aerial_il.data.recording.encoding import columns, messages
 from aerial_il.data.recording.encoding.packing import Packer, first_not_finite
 from aerial_il.data.recording.encoding.topics import Block, Topic, definitions_of, nanoseconds, packer_of, place_of
+from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import Contents, Stream
 from aerial_il.data.recording.schema import Layout
-from aerial_il.data.validation import Report
 
 STEP = "/step"
 STEP_CHANNEL = 1

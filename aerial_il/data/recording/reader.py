@@ -23,10 +23,10 @@ from aerial_il.data.recording.encoding import images
 from aerial_il.data.recording.encoding.digest import ContentDigest
 from aerial_il.data.recording.encoding.topics import Camera
 from aerial_il.data.recording.form import Form, form_of
+from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import Contents, scan
 from aerial_il.data.recording.schema import VERSION, Layout
 from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE
-from aerial_il.data.validation import Report, check_flight
 
 _EXTRA_NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 MAX_ELEMENTS = 100_000  # numbers of one step, all fields together; keeps a forged specification from allocating
@@ -83,7 +83,6 @@ def decode_episode(path: Path, *, cameras: bool | Sequence[str] = False, states:
     messages = head.form.read(report, contents, outcome.steps)
     wanted = [c for c in head.form.cameras if cameras is True or (cameras and c.field in cameras)]
     episode = _episode(head, messages, outcome, states=states)
-    check_flight(report, episode)
     if wrong := _wrong_digest(path, contents, messages):
         require_whole(Gate(path), _episode(head, messages, outcome, states=True))  # which says where, if it can
         raise wrong

@@ -59,6 +59,10 @@ class ChunkPolicy:
         self._worlds: int | None = None
         self.task = self.spec.task
 
+    def __repr__(self) -> str:
+        flown = f"{self.spec.robot}/{self.spec.task}"
+        return f"{type(self).__name__}({self.config.name} of {flown}, {', '.join(self.spec.observation.names)})"
+
     @property
     def spec(self) -> EnvSpec:
         return self.interface.layout.spec

@@ -16,10 +16,10 @@ def egocentric[C: PolicySettings](config: C) -> C:
     Demonstrations from few places show the robot's attitude, joints and place beside what they are there for. A network
     that sees them takes them for signs of how far the task is done.
     """
-    more = (name for name in OWN_POSE if name not in config.blind_to)
-    return replace(config, relative=True, blind_to=(*config.blind_to, *more))
+    more = (name for name in OWN_POSE if name not in config.masked_fields)
+    return replace(config, relative=True, masked_fields=(*config.masked_fields, *more))
 
 
 def chose_view(config: PolicySettings) -> bool:
     """Whether ``config`` says itself in which frame, or what of the robot, the policy sees."""
-    return bool(config.obs_names) or config.relative or config.blind_to != DECISIONS
+    return bool(config.obs_names) or config.relative or config.masked_fields != DECISIONS

@@ -62,8 +62,8 @@ class GatedPolicy(ChunkPolicy):
         return np.where(chosen[:, None], own, proposed)
 
     def _encoded(self, actions: np.ndarray, frames: np.ndarray) -> Tensor:
-        found = self.interface.encode_actions(actions[:, None].astype(np.float32), frames[:, None].astype(np.float32))
-        return tensor(np.clip(found[:, 0], -1.0, 1.0))
+        encoded = self.interface.encode_actions(actions[:, None].astype(np.float32), frames[:, None].astype(np.float32))
+        return tensor(np.clip(encoded[:, 0], -1.0, 1.0))
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         super().reset(mask)

@@ -68,7 +68,7 @@ class Layout:
 
         An environment from outside the suite that shows no positions has nothing to anchor.
         """
-        hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.blind_to)}
+        hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.masked_fields)}
         counted_from = {config.anchor, *(TOOL if config.relative else ())}
         unseen = (
             () if config.obs_names else tuple(n for n in spec.observation.state_names if n in hidden & counted_from)

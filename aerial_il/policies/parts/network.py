@@ -10,9 +10,8 @@ from typing import Any, Literal, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from aerial_il.core.checks import require_choice, require_positive, require_share
+from aerial_il.core.checks import make_tuples, require_choice, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.settings import make_tuples
 from aerial_il.policies.parts.normaliser import Scaling
 
 Encoder = Literal["cnn", "resnet18"]
@@ -124,9 +123,9 @@ class PolicySettings(ABC):
         relative: see and predict in the frame of the end effector at the moment of prediction: ``ee_pose`` actions,
             normalised as such, and directions, velocities, orientations and positions relative to the anchor. Its own
             pose is shown in the world.
-        obs_names: observation fields; empty for all that are neither images nor named in ``blind_to``.
-        blind_to: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that tell
-            what was decided before belong here, such as how far the gripper has closed: a network that sees them
+        obs_names: observation fields; empty for all that are neither images nor named in ``masked_fields``.
+        masked_fields: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that
+            tell what was decided before belong here, such as how far the gripper has closed: a network that sees them
             repeats the decision rather than making it, and cannot recover from a wrong one.
         images: camera fields that it sees beside them, such as ``wrist_rgb``; see :mod:`.vision`.
         encoder: what looks at them: ``cnn``, or ``resnet18`` with random weights.
@@ -144,7 +143,7 @@ class PolicySettings(ABC):
     anchor: str | None
     relative: bool
     obs_names: tuple[str, ...]
-    blind_to: tuple[str, ...]
+    masked_fields: tuple[str, ...]
     images: tuple[str, ...]
     encoder: Encoder
     image_features: int

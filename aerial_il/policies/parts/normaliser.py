@@ -11,7 +11,24 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 
 Scaling = Literal["standard", "minmax"]
-MIN_SCALE = 1e-3  # smaller spreads, in the data's own units, are noise around a constant: dividing by them amplifies it
+HARDLY = 1e-3  # of its size: what varies by no more is noise around a constant, and dividing by that would amplify it
+BLOCK = 1 << 16  # rows at once
+ROUNDING = 1e-14  # of the largest size: what varies by no more is an error of rounding
+
+
+def hardly_varies(spread: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return which elements are as good as constant (D,) bool, by their spread and size (D,) in whatever unit."""
+    return spread <= np.maximum(HARDLY * size, ROUNDING * size.max(initial=0.0))
+
+
+def _moments(data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation (D,) of ``data`` (N, D), which is not copied as a whole."""
+    if data.shape[1] == 1:  # summed up by NumPy in another order
+        return data.mean(0, dtype=np.float64), data.std(0, dtype=np.float64)
+    mean, square = data.mean(0, dtype=np.float64), np.zeros(data.shape[1])
+    for start in range(0, len(data), BLOCK):
+        square = np.add.reduce(np.concatenate([square[None], (data[start : start + BLOCK] - mean) ** 2]))
+    return mean, np.sqrt(square / len(data))
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +38,7 @@ class Normaliser:
     Attributes:
         centre: (D,) float32.
         scale: (D,) float32, positive.
-        constant: (D,) bool, elements that hardly varied and have kept their own units; None where all varied.
+        constant: (D,) bool, elements that hardly varied; None where all varied.
     """
 
     centre: np.ndarray
@@ -32,8 +49,8 @@ class Normaliser:
         if self.centre.shape != self.scale.shape or self.centre.ndim != 1:
             raise InvalidValueError(f"centre {self.centre.shape} and scale {self.scale.shape} must both be (D,).")
         if self.constant is not None and (self.constant.shape, self.constant.dtype) != (self.scale.shape, bool):
-            found, wanted = f"{self.constant.dtype} {self.constant.shape}", self.scale.shape
-            raise InvalidValueError(f"constant is {found}; it must be bool {wanted}, one for each scale.")
+            given, wanted = f"{self.constant.dtype} {self.constant.shape}", self.scale.shape
+            raise InvalidValueError(f"constant is {given}; it must be bool {wanted}, one for each scale.")
         if not (np.isfinite(self.centre).all() and np.isfinite(self.scale).all() and (self.scale > 0).all()):
             raise InvalidValueError("A normaliser's centre must be finite, its scale finite and positive.")
 
@@ -48,28 +65,29 @@ class Normaliser:
         return bool((self.centre == 0).all() and (self.scale == 1).all())
 
     @staticmethod
-    def fit(data: np.ndarray, scaling: Scaling = "standard") -> Normaliser:
-        """Fit to ``data`` (N, D).
+    def fit(data: np.ndarray, scaling: Scaling = "standard", *, reach: np.ndarray | None = None) -> Normaliser:
+        """Fit to ``data`` (N, D), whatever unit each element has.
 
         Args:
-            data: samples in SI units.
+            data: samples.
             scaling: ``standard`` gives mean 0 and deviation 1, ``minmax`` the interval [-1, 1].
+            reach: (D,) how far elements could vary, where that is bounded; infinite where it is not.
 
         Returns:
-            The normaliser; elements that hardly vary are centred and otherwise left in their own units.
+            The normaliser; elements that hardly vary are centred and otherwise left in their own units if they are
+            small, and divided by their size if that is above 1.
         """
         if data.ndim != 2 or len(data) == 0:
             raise InvalidValueError(f"Normalisation needs samples (N, D) with N > 0, got shape {data.shape}.")
         if scaling not in get_args(Scaling):
             raise InvalidValueError(f"Unknown scaling {scaling!r}. Valid: {', '.join(get_args(Scaling))}.")
-        data = data.astype(np.float64)
-        if scaling == "standard":
-            centre, scale = data.mean(0), data.std(0)
-        else:
-            low, high = data.min(0), data.max(0)
-            centre, scale = (high + low) / 2, (high - low) / 2
-        constant = scale < MIN_SCALE
-        scale = np.where(constant, 1.0, scale)
+        low, high = data.min(0).astype(np.float64), data.max(0).astype(np.float64)
+        centre, scale = _moments(data) if scaling == "standard" else ((high + low) / 2, (high - low) / 2)
+        size = np.maximum(np.abs(low), np.abs(high))
+        constant = hardly_varies(
+            scale, size if reach is None else np.where(np.isfinite(reach), np.maximum(size, reach), size)
+        )
+        scale = np.where(constant, np.maximum(size, 1.0), scale)
         return Normaliser(centre.astype(np.float32), scale.astype(np.float32), constant)
 
     def normalise(self, x: np.ndarray) -> np.ndarray:

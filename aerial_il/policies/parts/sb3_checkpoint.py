@@ -127,8 +127,8 @@ def _read(path: Path) -> _Saved:
 
 def _layers(weights: Mapping[str, Tensor], part: str) -> list[tuple[Tensor, Tensor]]:
     """Return weight and bias of the layers of a part, in order."""
-    found = re.compile(rf"{re.escape(part)}(?:\.(\d+))?\.weight")
-    matched = sorted((int(m[1] or 0), name) for name in weights if (m := found.fullmatch(name)))
+    pattern = re.compile(rf"{re.escape(part)}(?:\.(\d+))?\.weight")
+    matched = sorted((int(m[1] or 0), name) for name in weights if (m := pattern.fullmatch(name)))
     return [(weights[name], weights[f"{name.removesuffix('weight')}bias"]) for _, name in matched]
 
 

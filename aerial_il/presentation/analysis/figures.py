@@ -71,13 +71,9 @@ def learning_curves(runs: Runs) -> Figure:
         points = mean_success(members)
         if not points:
             raise InvalidValueError(f"{label!r}: its runs share no rollouts on the way; train with evaluate_every=N.")
-        for run in members if len(members) > 1 else ():
-            each, rates = [r.step for r in run.rollouts], [100 * r.rate for r in run.rollouts]
-            axes.plot(each, rates, color=hue, lw=0.8, alpha=0.5)
-        steps, means = [s for s, _, _ in points], np.array([100 * mean for _, mean, _ in points])
-        lows, highs = (np.array([100 * interval[end] for _, _, interval in points if interval]) for end in (0, 1))
-        axes.plot(steps, means, color=hue, marker="o", label=_counted(label, len(members)))
-        axes.fill_between(steps, lows, highs, color=hue, alpha=0.15, lw=0)
+        each = [([r.step for r in run.rollouts], [100 * r.rate for r in run.rollouts]) for run in members]
+        mean = np.array([(s, 100 * rate, *(100 * end for end in interval or ())) for s, rate, interval in points])
+        _draw_bundle(axes, hue, label, each, mean.T, marker="o")
     axes.set(ylim=(-2, 102), ylabel="success (%), band: 95 %", xlabel=unit_of(r for m in groups.values() for r in m))
     axes.legend()
     return figure
@@ -101,15 +97,12 @@ def curves(runs: Runs, number: str = "episode/return", *, over: str = "step") ->
     groups = {label: [read_run(path) for path in paths] for label, paths in runs.items()}
     for hue, (label, members) in zip(_hues(groups), groups.items(), strict=True):
         drawn = [_curve(run, number, over) for run in members]
-        for x, y in drawn if len(drawn) > 1 else ():
-            axes.plot(x, y, color=hue, lw=0.8, alpha=0.5)
         start, end = max(x[0] for x, _ in drawn), min(x[-1] for x, _ in drawn)
         grid = np.unique([p for x, _ in drawn for p in x if start <= p <= end])
         if not len(grid):
             raise InvalidValueError(f"{label!r}: its runs logged {number!r} at no common stretch of {over!r}.")
         each = np.array([np.interp(grid, x, y) for x, y in drawn])
-        axes.plot(grid, each.mean(axis=0), color=hue, lw=2, label=_counted(label, len(drawn)))
-        axes.fill_between(grid, each.min(axis=0), each.max(axis=0), color=hue, alpha=0.15, lw=0)
+        _draw_bundle(axes, hue, label, drawn, (grid, each.mean(axis=0), each.min(axis=0), each.max(axis=0)), lw=2)
     x_label = unit_of(r for members in groups.values() for r in members) if over == "step" else over
     axes.set(ylabel=number, xlabel=x_label)
     axes.legend()
@@ -202,8 +195,13 @@ def _figures(columns: int, *, height: float) -> tuple[Figure, list[Axes]]:
         return figure, [figure.add_subplot(1, columns, k + 1) for k in range(columns)]
 
 
-def _counted(label: str, runs: int) -> str:
-    return f"{label} ({runs} run{'s'[: runs > 1]})"
+def _draw_bundle(axes: Axes, hue: str, label: str, each: Sequence[Any], mean: Any, **look: Any) -> None:
+    """Draw the line of every run thin, and their mean thick in its band; ``mean``: x, y, and the ends of the band."""
+    for x, y in each if len(each) > 1 else ():
+        axes.plot(x, y, color=hue, lw=0.8, alpha=0.5)
+    x, y, low, high = mean
+    axes.plot(x, y, color=hue, label=f"{label} ({len(each)} run{'s'[: len(each) > 1]})", **look)
+    axes.fill_between(x, low, high, color=hue, alpha=0.15, lw=0)
 
 
 def _hues(labels: Mapping[str, Any]) -> list[str]:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
-
 from aerial_il.presentation.markdown import table
 
 FRONT = "aerial_il"
@@ -20,6 +17,7 @@ SHOWN = {  # module -> what a reader finds there; everything else is read in its
     "aerial_il.data.dataset": "a folder or file of demonstrations",
     "aerial_il.data.episode": "one flight as arrays",
 }
+AUTOMODULE = "{0}\n{1}\n\n.. automodule:: {0}\n   :members:\n"
 INTRODUCTION = """\
 # Python reference
 
@@ -31,20 +29,7 @@ def pages() -> dict[str, str]:
     """Return path on the site -> text: a page for each module, and a list of them."""
     rows = [(f"[`{name}`]({name}.rst)", what) for name, what in SHOWN.items()]
     index = f"{INTRODUCTION}\n\n{table(('module', ''), rows)}\n"
-    return {"python/index.md": index, **{f"python/{name}.rst": _page(name) for name in SHOWN}}
-
-
-def public_names() -> set[str]:
-    """Return the full names of the functions and classes that these modules define and document."""
-    return {f"{name}.{each}" for name in SHOWN for each in _documented(name)}
-
-
-def _documented(module: str) -> list[str]:
-    def own(value: object) -> bool:
-        return getattr(value, "__module__", "") == module and bool(inspect.getdoc(value))
-
-    return [name for name, value in vars(importlib.import_module(module)).items() if name[0] != "_" and own(value)]
-
-
-def _page(module: str) -> str:
-    return f"{module}\n{'=' * len(module)}\n\n.. automodule:: {module}\n   :members:\n"
+    return {
+        "python/index.md": index,
+        **{f"python/{name}.rst": AUTOMODULE.format(name, "=" * len(name)) for name in SHOWN},
+    }

@@ -8,7 +8,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,7 @@ from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.films.traces import traces_of
-from aerial_il.presentation.films.video import FRAMED_STATES, jpeg, write_mp4
+from aerial_il.presentation.films.video import jpeg, rate_of, write_mp4
 from aerial_il.presentation.studio.studio import QUICK, STILL
 from aerial_il.presentation.studio.viewpoint import Viewpoint
 
@@ -101,9 +100,8 @@ def excerpt(subtasks: np.ndarray, dt: float) -> Excerpt:
 def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Excerpt) -> None:
     after = episode.states[1:]
     shown = after[part.first : part.last + 1]
-    view = scene.frame(shown[:: max(1, len(shown) // FRAMED_STATES)], FILM_SIZE[1] / FILM_SIZE[0])
-    stride = max(1, round(1 / (episode.spec.control_dt_s * FPS)))
-    rate = Fraction(1 / (episode.spec.control_dt_s * stride)).limit_denominator(1000)
+    view = scene.frame(shown, FILM_SIZE[1] / FILM_SIZE[0])
+    stride, rate = rate_of(episode.spec.control_dt_s, FPS)
     steps = range(part.first + 1, part.last + 2, stride)
     write_mp4(clips.film, _frames(scene, episode, steps, view), rate=rate, hold_frames=round(HOLD_S * rate))
     moment, aspect = after[part.poster], POSTER_SIZE[1] / POSTER_SIZE[0]

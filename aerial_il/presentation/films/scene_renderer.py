@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from types import TracebackType
 
@@ -19,6 +19,7 @@ from aerial_il.presentation.studio.viewpoint import ELEVATION_DEG, Viewpoint
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.rendering import Renderer
 
+FRAMED = 12  # states, by which the viewpoint is chosen that holds a whole flight
 SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
 BELOW_M = 0.2  # what stands farther below the robot, such as a table's leg, need not be seen
 
@@ -99,18 +100,19 @@ class SceneRenderer:
         model.site_rgba[:, 3] = 0.0
 
     def frame(
-        self, states: Iterable[np.ndarray], aspect: float, *, props: bool = True, turn_deg: float = 0.0,
+        self, states: Sequence[np.ndarray] | np.ndarray, aspect: float, *, props: bool = True, turn_deg: float = 0.0,
         elevation_deg: float = ELEVATION_DEG,
     ) -> Viewpoint:  # fmt: skip
         """Return the viewpoint, on the side of the ``scene`` camera, that just holds the robot in all ``states``.
 
         Args:
-            states: some full states (S,). aspect: width of the picture over its height.
+            states: full states (S,); of many a dozen are looked at. aspect: width of the picture over its height.
             props: hold the props too that are not far below, by their centres: a table may reach beyond the picture, a
                 button may not.
             turn_deg: round the scene from there, anticlockwise from above. elevation_deg: of the line of sight.
         """
-        points = np.concatenate([self._extent(self.pose(state), props) for state in states])
+        some = states[:: max(1, len(states) // FRAMED)]
+        points = np.concatenate([self._extent(self.pose(state), props) for state in some])
         return Viewpoint((0.0, 0.0, 0.0), 1.0, self._azimuth() + turn_deg, elevation_deg).holding(points, aspect)
 
     def close(self) -> None:

@@ -6,26 +6,25 @@ import io
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import batched
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
+from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
-from aerial_il.presentation.films.overlay import BACKGROUND, COLOURS, INK, MUTED, font
+from aerial_il.presentation.films.overlay import compose
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
-from aerial_il.presentation.films.video import FRAMED_STATES, end_of
-from aerial_il.presentation.pages.page import END_WORDS
+from aerial_il.presentation.films.video import caption_of
 
 HOLD_S = 0.8  # the last pictures of a round stand this long
 GAP = 4  # pixels between two pictures
-STRIP, INDENT, TITLE, TEXT = 40, 10, 14, 12  # pixels below a picture, of its caption and of its letters
 SMALLEST, FASTEST = 64, 50.0  # pixels each way; pictures a second
 EFFORT = 4  # of the encoder, 0 to 6
 
@@ -65,8 +64,7 @@ class Panel:
 
     def __init__(self, episode: Episode, scene: SceneRenderer, look: Look) -> None:
         self._episode, self._scene, self._look = episode, scene, look
-        shown = episode.states[:: max(1, len(episode) // FRAMED_STATES)]
-        self._view = scene.frame(shown, look.width / look.height)
+        self._view = scene.frame(episode.states, look.width / look.height)
 
     @property
     def duration_s(self) -> float:
@@ -82,18 +80,9 @@ class Panel:
 
     def _draw(self, step: int) -> np.ndarray:
         episode, look = self._episode, self._look
-        frame = Image.new("RGB", (look.width, look.height + STRIP), BACKGROUND)
-        frame.paste(Image.fromarray(self._scene.draw(episode.states[step], self._view, look.height, look.width)))
-        draw, end = ImageDraw.Draw(frame), end_of(episode) if step == len(episode) else ""
-        time_s = step * episode.spec.control_dt_s
-        top, right = look.height + 4, look.width - INDENT
-        draw.rectangle((0, look.height, look.width * step / len(episode), look.height + 2), fill=COLOURS[end])
-        draw.text((INDENT, top), episode.spec.task.replace("_", " "), font=font(TITLE), fill=INK)
-        draw.text((INDENT, top + TITLE + 4), episode.spec.robot, font=font(TEXT), fill=MUTED)
-        draw.text((right, top), f"{time_s:.1f} s", font=font(TITLE), fill=INK, anchor="ra")
-        if end:
-            draw.text((right, top + TITLE + 4), END_WORDS[end], font=font(TEXT), fill=COLOURS[end], anchor="ra")
-        return np.asarray(frame)
+        picture = self._scene.draw(episode.states[step], self._view, look.height, look.width)
+        caption = replace(caption_of(episode, step), title=episode.spec.task.replace("_", " "))
+        return compose({episode.spec.robot: picture}, caption)
 
 
 def write_side_by_side(
@@ -147,6 +136,14 @@ def _animation(frames: Sequence[Image.Image], seconds: Sequence[float], quality:
     buffer, first = io.BytesIO(), frames[0]
     shown = [round(1000 * each) for each in seconds]
     first.save(
-        buffer, "WEBP", append_images=frames[1:], save_all=True, duration=shown, loop=0, quality=quality, method=EFFORT
+        buffer,
+        "WEBP",
+        append_images=frames[1:],
+        save_all=True,
+        duration=shown,
+        loop=0,
+        quality=quality,
+        method=EFFORT,
+        xmp=MADE_BY.encode(),
     )
     return buffer.getvalue()

@@ -12,7 +12,7 @@ from aerial_il.core.files import write_atomic
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.films.traces import Traces, traces_of
-from aerial_il.presentation.films.video import FRAMED_STATES, png
+from aerial_il.presentation.films.video import png
 from aerial_il.presentation.studio.marks import Ghost, Mark
 from aerial_il.presentation.studio.studio import STILL
 
@@ -41,8 +41,7 @@ def stroboscope(episode: Episode, height: int, width: int) -> np.ndarray:
     with SceneRenderer(episode.model_xml) as scene:
         traces = traces_of(episode, scene)
         chosen = moments(traces)
-        shown = episode.states[:: max(1, len(episode) // FRAMED_STATES)]
-        view = scene.frame([*shown, episode.states[-1]], width / height)
+        view = scene.frame(episode.states, width / height)
         marks: list[Mark] = [*traces.marks(chosen[-1], since_s=len(episode) * traces.dt)]
         for k, step in enumerate(chosen[:-1]):
             marks.append(Ghost(episode.states[step], PALEST * (1.0 - k / len(chosen))))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import repeat
@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
@@ -31,13 +33,11 @@ from aerial_il.presentation.films.overlay import Caption, compose
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.pages.page import data_uri
 from aerial_il.presentation.studio.studio import QUICK
-from aerial_il.presentation.studio.viewpoint import Viewpoint
 
 FPS = 25
 HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
 LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
-FRAMED_STATES = 12  # of a recording, by which the viewpoint is chosen that holds the whole flight
 JPEG_QUALITY = 85
 VIEW_SIZE = (396, 528)  # height, width of one camera view
 
@@ -88,6 +88,7 @@ def film(
     successes: int = 2,
     failures: int = 2,
     cameras: Sequence[str] = ("scene", "wrist"),
+    progress: bool = False,
 ) -> Footage:
     """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
 
@@ -97,6 +98,7 @@ def film(
         folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
         successes, failures: how many of each, at most.
         cameras: views from left to right; those that the environment lacks are left out.
+        progress: show a progress bar for each film.
 
     Returns:
         The clips in the order of their seeds, or the reason why nothing can be rendered.
@@ -109,7 +111,7 @@ def film(
     clips = []
     for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
         path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
-        clips.append(film_episode(env, result, episode, path, cameras=views))
+        clips.append(film_episode(env, result, episode, path, cameras=views, progress=progress))
     return Footage(tuple(clips))
 
 
@@ -125,8 +127,9 @@ def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
 
 
 def film_episode(
-    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str]
-) -> Clip:
+    env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str],
+    progress: bool = False,
+) -> Clip:  # fmt: skip
     """Fly one episode again in world 0 of ``env`` and write its film.
 
     Raises:
@@ -137,13 +140,17 @@ def film_episode(
         raise InvalidValueError(f"The actions of seed {episode.seed} were not kept; evaluate it again to film it.")
     clip = Clip(path, episode)
     dt, speed = env.spec.control_dt_s, clip.speed
-    stride = speed * max(1, round(1 / (dt * FPS)))
-    rate = Fraction(speed / (dt * stride)).limit_denominator(1000)
+    stride, rate = rate_of(dt, FPS)
     title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
     title += f" · {speed}x" if speed > 1 else ""
-    moments = _moments(env, episode, flight, title=title, stride=stride)
-    frames = _as_cameras_see(env, moments, cameras) if env.engine is None else _in_the_studio(env, moments, cameras)
-    last = write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    moments = _moments(env, episode, flight, title=title, stride=speed * stride)
+    if env.engine is None:
+        frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
+    else:
+        frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
+    total, name = -(-len(flight.actions) // (speed * stride)), f"film of seed {episode.seed}"
+    drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
+    last = write_mp4(path, iter(drawn), rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
     return clip
 
@@ -167,20 +174,19 @@ def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: st
         )
 
 
-def _as_cameras_see(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
-    for caption in moments:
-        yield compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, caption)
-
-
-def _in_the_studio(env: BatchEnv, moments: Iterator[Caption], cameras: Sequence[str]) -> Iterator[np.ndarray]:
-    """Draw the flight as people see it, from where it fills the picture, in the place of the ``scene`` camera."""
-    captions, states = zip(*((caption, env.get_state()[0]) for caption in moments), strict=True)
-    with SceneRenderer(env.model_xml) as scene:
-        whole = scene.frame(states[:: max(1, len(states) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
-        views = {"flight" if name == "scene" else name: whole if name == "scene" else name for name in cameras}
-        for caption, state in zip(captions, states, strict=True):
+def _in_the_studio(
+    model_xml: str, moments: Sequence[tuple[Caption, np.ndarray]], cameras: Sequence[str], bar: Progress | None = None
+) -> Iterator[np.ndarray]:
+    """Draw captions and states (S,) as people see them, from where the flight fills the picture for ``scene``."""
+    with SceneRenderer(model_xml) as scene:
+        whole = scene.frame([state for _, state in moments], VIEW_SIZE[1] / VIEW_SIZE[0])
+        names = [name for name in cameras if name == "scene" or name in scene.cameras][:2]
+        views = {"flight" if name == "scene" else name: whole if name == "scene" else name for name in names}
+        for caption, state in moments:
             pictures = {name: scene.draw(state, view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()}
             yield compose(pictures, caption)
+            if bar is not None:
+                bar.update()
 
 
 def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
@@ -200,36 +206,31 @@ def film_recording(episode: Episode, path: Path, *, flags: np.ndarray | None = N
         episode: the recording. path: MP4 file. flags: (T, K) sub-tasks after each step, if they are known.
         progress: show a progress bar.
     """
-    dt = episode.spec.control_dt_s
-    stride = max(1, round(1 / (dt * FPS)))
-    rate = Fraction(1 / (dt * stride)).limit_denominator(1000)
+    stride, rate = rate_of(episode.spec.control_dt_s, FPS)
     steps = [*range(0, len(episode), stride), len(episode)]
-    with SceneRenderer(episode.model_xml) as scene:
-        whole = scene.frame(episode.states[:: max(1, len(episode) // FRAMED_STATES)], VIEW_SIZE[1] / VIEW_SIZE[0])
-        views = {"flight": whole} | {name: name for name in ("wrist", "base") if name in scene.cameras}
-        seen = dict(list(views.items())[:2])
-        bar = Progress(steps, desc="film", unit="frame", disable=not progress)
-        frames = (_picture(scene, episode, step, seen, flags) for step in bar)
+    moments = [(caption_of(episode, step, flags), episode.states[step]) for step in steps]
+    with Progress(total=len(steps), desc="film", unit="frame", disable=not progress) as bar:
+        frames = _in_the_studio(episode.model_xml, moments, ("scene", "wrist", "base"), bar)
         write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
     return path
 
 
-def _picture(
-    scene: SceneRenderer, episode: Episode, step: int, views: Mapping[str, str | Viewpoint], flags: np.ndarray | None
-) -> np.ndarray:
-    """Draw the state after ``step`` steps, with what is known of it."""
-    spec, last = episode.spec, step == len(episode)
-    caption = Caption(
+def rate_of(dt: float, fps: float) -> tuple[int, Fraction]:
+    """Return every which step of ``dt`` s is shown at about ``fps``, and how many pictures a second that is."""
+    stride = max(1, round(1 / (dt * fps)))
+    return stride, Fraction(1 / (dt * stride)).limit_denominator(1000)
+
+
+def caption_of(episode: Episode, step: int, flags: np.ndarray | None = None) -> Caption:
+    """Return what there is to say of a recorded flight after ``step`` steps; ``flags`` (T, K): of its sub-tasks."""
+    spec = episode.spec
+    return Caption(
         title=" · ".join((spec.task, spec.robot, spec.tier, f"seed {episode.provenance.get('seed', '?')}")),
         time_s=float(episode.sim_time[step] - episode.sim_time[0]),
         progress=step / len(episode),
         phase=phase_at(episode, min(step, len(episode) - 1)),
         subtasks={} if flags is None else {name: bool(flags[:step, k].any()) for k, name in enumerate(spec.subtasks)},
-        end=end_of(episode) if last else "",
-    )
-    return compose(
-        {name: scene.draw(episode.states[step], view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()},
-        caption,
+        end=end_of(episode) if step == len(episode) else "",
     )
 
 
@@ -269,6 +270,7 @@ def write_mp4(
     options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
     try:
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
+            container.metadata["comment"] = MADE_BY
             stream = container.add_stream("libx264", rate=rate, options=options)
             stream.pix_fmt = "yuv420p"
             for picture in _held(frames, hold_frames):
@@ -281,18 +283,25 @@ def write_mp4(
     return picture
 
 
-def jpeg(picture: np.ndarray) -> bytes:
+def jpeg(picture: np.ndarray, quality: int = JPEG_QUALITY) -> bytes:
     """Return an (H, W, 3) uint8 picture as a JPEG file."""
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY, optimize=True)
+    Image.fromarray(picture).save(buffer, "JPEG", quality=quality, optimize=True)
     return buffer.getvalue()
 
 
 def png(picture: np.ndarray) -> bytes:
     """Return an (H, W, 3) uint8 picture as a PNG file."""
     buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "PNG", optimize=True)
+    Image.fromarray(picture).save(buffer, "PNG", optimize=True, pnginfo=signed_png())
     return buffer.getvalue()
+
+
+def signed_png() -> PngInfo:
+    """Return what a PNG says of who made it."""
+    info = PngInfo()
+    info.add_text("Software", MADE_BY)
+    return info
 
 
 def _held(frames: Iterator[np.ndarray], times: int) -> Iterator[np.ndarray]:

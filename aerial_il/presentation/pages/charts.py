@@ -146,9 +146,7 @@ class Plot:
         return Markup("".join(pieces))  # every text in it went through escape()
 
 
-def histogram(
-    title: str, groups: Mapping[str, Sequence[float]], *, x_label: str, kinds: Mapping[str, str], note: str = ""
-) -> Figure:
+def histogram(title: str, groups: Mapping[str, Sequence[float]], *, x_label: str, kinds: Mapping[str, str]) -> Figure:
     """Draw the stacked counts of several groups of numbers over common bins.
 
     Args:
@@ -156,7 +154,6 @@ def histogram(
         groups: name -> values; drawn from the bottom up.
         x_label: quantity and unit.
         kinds: name -> CSS class.
-        note: sentence below the chart.
     """
     pooled = np.concatenate([np.asarray(values, dtype=float) for values in groups.values()])
     lo, hi = float(pooled.min()), float(pooled.max())
@@ -172,7 +169,7 @@ def histogram(
                 rise = (base[k], base[k] + count)
                 plot.bar((edges[k], edges[k + 1]), rise, kinds[name], title=f"{where}: {count} {name}")
                 base[k] += count
-    return Figure(title, plot.svg(), note)
+    return Figure(title, plot.svg())
 
 
 def equal_height(x: tuple[float, float], y: tuple[float, float], *, width: float) -> float:
@@ -192,9 +189,9 @@ def widen(lo: float, hi: float, *, log: bool = False) -> tuple[float, float]:
     return lo - half, lo + half
 
 
-def round_ticks(lo: float, hi: float, count: int = 5) -> list[float]:
-    """Return about ``count`` multiples of 1, 2 or 5 times a power of ten within [lo, hi]."""
-    raw = (hi - lo) / count
+def round_ticks(lo: float, hi: float) -> list[float]:
+    """Return about five multiples of 1, 2 or 5 times a power of ten within [lo, hi]."""
+    raw = (hi - lo) / 5
     power = 10.0 ** math.floor(math.log10(raw))
     step = next(m * power for m in (1, 2, 5, 10) if m * power >= raw * 0.999)
     first, last = math.ceil(lo / step - 1e-9), math.floor(hi / step + 1e-9)

@@ -93,12 +93,11 @@ def training(curves: Sequence[Curve], unit: str = "training step") -> list[Figur
     return [logged(curve, unit) for curve in ranked]
 
 
-def logged(curve: Curve, unit: str, *, name: str = "", height: float = HEIGHT) -> Figure:
+def logged(curve: Curve, unit: str, *, title: str = "", height: float = HEIGHT) -> Figure:
     """Draw one logged number over training.
 
     Args:
-        curve: what is drawn. unit: what its steps count. name: by which it is called, instead of the curve's own.
-        height: of the drawing.
+        curve: what is drawn. unit: what its steps count. title: instead of the curve's name. height: of the drawing.
     """
     lo, hi = float(curve.values.min()), float(curve.values.max())
     log = "loss" in curve.name and lo > 0 and hi > 20 * lo
@@ -108,9 +107,13 @@ def logged(curve: Curve, unit: str, *, name: str = "", height: float = HEIGHT) -
     y = lo if log else min(lo, 0.0), hi
     plot = Plot(x=x, y=y, x_label=unit, y_label="", alt=alt, height=height, log_y=log)
     plot.line(curve.steps, curve.values, "curve")
-    called = name or curve.name
-    title = SPELT_OUT.get(called, called.replace("_", " ").replace("/", ": "))
-    return Figure(title[0].upper() + title[1:], plot.svg(), f"Last value {last}")
+    return Figure(title or spelt(curve.name), plot.svg(), f"Last value {last}")
+
+
+def spelt(name: str) -> str:
+    """Return the name of a logged number as a title: ``grad_norm`` is ``Gradient norm``."""
+    title = SPELT_OUT.get(name, name.replace("_", " ").replace("/", ": "))
+    return title[0].upper() + title[1:]
 
 
 def learning_curve(points: Sequence[LearningPoint]) -> Figure:

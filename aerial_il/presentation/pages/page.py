@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from aerial_il.core.composition import dotted
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import claim_file
 from aerial_il.presentation.pages.charts import tick_label
 from aerial_il.teleop.page import PAGE
 
@@ -24,7 +26,7 @@ def write_page(path: str | os.PathLike[str], template: str, **values: Any) -> Pa
     Args:
         path: destination, an HTML file. template: name of a ``.html.j2`` file. values: what it asks for; all of it.
     """
-    return write_atomic(path, page_text(template, **values))
+    return write_atomic(claim_file(path), page_text(template, **values))
 
 
 def page_text(template: str, **values: Any) -> str:
@@ -44,7 +46,12 @@ def page_text(template: str, **values: Any) -> str:
 
 def data_uri(path: Path) -> str:
     """Return a film or picture as an address that holds all of it."""
-    return f"data:{MEDIA_TYPES[path.suffix]};base64,{base64.b64encode(path.read_bytes()).decode()}"
+    return data_of(path.read_bytes(), path.suffix)
+
+
+def data_of(content: bytes, suffix: str) -> str:
+    """Return the content of a file with that suffix as an address that holds all of it."""
+    return f"data:{MEDIA_TYPES[suffix]};base64,{base64.b64encode(content).decode()}"
 
 
 def number(value: float | None) -> str:
@@ -79,12 +86,7 @@ def cell(value: Any) -> str:
     return "–" if value is None else str(value)
 
 
-def flat(tree: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
+def flat(tree: Mapping[str, Any]) -> list[tuple[str, str]]:
     """List nested values, such as a provenance, as (dotted key, text)."""
-    rows: list[tuple[str, str]] = []
-    for key, value in tree.items():
-        if isinstance(value, Mapping):
-            rows += flat(value, f"{prefix}{key}.")
-        else:
-            rows.append((f"{prefix}{key}", tick_label(value) if isinstance(value, float) else str(value)))
-    return rows
+    leaves = ((key, value) for key, value in dotted(tree).items() if value != {})
+    return [(key, tick_label(value) if isinstance(value, float) else str(value)) for key, value in leaves]

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, training_curves
+from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, curves_of, read_rows
 from aerial_il.evaluation.metrics import EpisodeRecord, metrics_of, spread
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.training_run import is_run, read_run
+from aerial_il.evaluation.training_run import METRICS, is_run, read_run
 from aerial_il.presentation.films.video import Footage, embedded
 from aerial_il.presentation.pages import figures
 from aerial_il.presentation.pages.charts import Figure
@@ -94,7 +94,7 @@ def _episodes(result: EvaluationResult, footage: Footage | None) -> dict[str, An
 
 
 def _training(run: str | os.PathLike[str]) -> list[Figure]:
-    curves = training_curves(run)
+    curves = curves_of(read_rows(Path(run) / METRICS))
     return figures.training(curves, read_run(run).unit) if is_run(run) else figures.training(curves)
 
 

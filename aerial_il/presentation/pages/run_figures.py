@@ -13,7 +13,7 @@ from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.run_collection import axes_of, settings_of
 from aerial_il.evaluation.training_run import EPISODES, REWARD, SUCCESS, TrainingRun
 from aerial_il.presentation.pages.charts import HEIGHT, NARROW, WIDE, Figure, Plot, tick_label
-from aerial_il.presentation.pages.figures import CLOCK, logged
+from aerial_il.presentation.pages.figures import CLOCK, logged, spelt
 
 Groups = Mapping[str, Sequence[TrainingRun]]  # label -> runs that only differ in seed
 Each = Mapping[TrainingRun, Sequence[tuple[float, float]]]  # run -> (step, value)
@@ -36,37 +36,74 @@ CHART_POINTS = 400  # of a prediction; more are not seen
 SMALL, TALL = 130.0, 260.0  # heights of one of many charts, and of one that stands alone
 
 
-def success(run: TrainingRun) -> Figure | None:
-    """Draw success in the rollouts over training, with 95 % intervals; the best is marked, the last labelled."""
-    rollouts = run.rollouts
-    if not rollouts:
-        return None
-    steps, rates = [float(r.step) for r in rollouts], [r.rate for r in rollouts]
-    last, word = rollouts[-1], run.unit.split()[-1]
-    alt = f"Success in rollouts over {last.step} {run.unit}s; at the end {100 * last.rate:.0f} %"
-    plot = _wide(steps[-1], (0.0, 1.0), run.unit, alt, percent=True)
-    plot.line(steps, rates, "curve")
-    for step, point in zip(steps, rollouts, strict=True):
-        plot.whisker(step, *point.ci95, "whisker")
-        plot.dot(step, point.rate, "knot", radius=3.5, title=f"{word} {point.step}: {100 * point.rate:.0f} %")
-    best = max(rollouts, key=lambda r: (r.rate, r.step))
+def success(groups: Groups) -> Figure | None:
+    """Draw success in the rollouts over training: a hue per group, its mean with intervals, each of its seeds thin.
+
+    The interval resamples training seeds, then episodes; with one seed it is Wilson's.
+    """
+    each = {run: [(r.step, r.rate) for r in run.rollouts] for run in _all(groups) if run.rollouts}
+    note = "Thick: mean over training seeds; thin: each of them. Bars: 95 % intervals, resampling seeds and episodes."
+    if len(each) == 1:
+        note = _note_of_one(*each)
+    return _over_training(SUCCESS_TITLE, groups, each, mean_success, note, percent=True)
+
+
+def mean_reward(groups: Groups) -> Figure | None:
+    """Draw the mean reward of rollouts, as :func:`success` does success; with one seed there is no interval."""
+    each = {run: run.rewards for run in _all(groups) if run.rewards}
+    note = "What a control step was paid, on average."
+    if len(each) > 1:
+        note += " Thick: mean over training seeds; thin: each of them. "
+        note += "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
+    return _over_training(REWARD_TITLE, groups, each, mean_rewards, note)
+
+
+def _note_of_one(run: TrainingRun) -> str:
+    last, word = run.rollouts[-1], run.unit.split()[-1]
+    best = max(run.rollouts, key=lambda r: (r.rate, r.step))
     note = f"Bars: 95 % Wilson intervals, {last.episodes} episodes each. "
-    note += f"Best {100 * best.rate:.0f} % at {word} {best.step}, final {100 * last.rate:.0f} %. "
-    return Figure(SUCCESS_TITLE, plot.svg(), note + "The best of several flatters the policy: evaluate the final one.")
+    note += f"Best {_percent(best.rate)} at {word} {best.step}, final {_percent(last.rate)}. "
+    return note + "The best of several flatters the policy: evaluate the final one."
 
 
-def mean_reward(run: TrainingRun) -> Figure | None:
-    """Draw the mean reward of the rollouts over training."""
-    if not run.rewards:
+def _over_training(
+    title: str,
+    groups: Groups,
+    each: Each,
+    mean: Callable[[Sequence[TrainingRun]], list[Mean]],
+    note: str,
+    *,
+    percent: bool = False,
+) -> Figure | None:
+    """Draw each run thin and each group's mean thick, with its intervals, in the hue that its place among all has.
+
+    Args:
+        title: of the figure. groups: label -> runs. each: run -> (step, value), of those that have any.
+        mean: runs of a group -> means over its seeds. note: below the figure. percent: values are rates.
+    """
+    if not each:
         return None
-    steps, rewards = [float(step) for step, _ in run.rewards], [reward for _, reward in run.rewards]
-    said = f"the last is {tick_label(rewards[-1])}"
-    alt = f"Mean reward in rollouts over {steps[-1]:g} {run.unit}s; {said}"
-    plot = _wide(steps[-1], _range(rewards), run.unit, alt)
-    plot.line(steps, rewards, "curve")
-    for step, reward in zip(steps, rewards, strict=True):
-        plot.dot(step, reward, "knot", radius=3.5, title=f"{run.unit.split()[-1]} {step:g}: {tick_label(reward)}")
-    return Figure(REWARD_TITLE, plot.svg(), f"What a control step was paid, on average; {said}.")
+    means = {label: mean([run for run in runs if run in each]) for label, runs in groups.items()}
+    written = _percent if percent else tick_label
+    ends = ", ".join(f"{label} {written(points[-1][1])}".strip() for label, points in means.items() if points)
+    alt = f"{title}{', mean over seeds' if len(each) > 1 else ''}: {ends} at the end"
+    values = [value for points in each.values() for _, value in points]
+    last = float(max(points[-1][0] for points in each.values()))
+    y = (0.0, 1.0) if percent else (min(0.0, *values), max(0.0, *values))
+    plot = _wide(last, y, unit_of(each), alt, percent=percent)
+    for hue, (label, runs) in enumerate(groups.items()):
+        for run in (run for run in runs if run in each and len(runs) > 1):
+            steps, seen = zip(*each[run], strict=True)
+            plot.line(steps, seen, f"trace thin hue{hue % 8}", title=f"{label}, seed {run.seed}")
+        if not means[label]:
+            continue
+        plot.line([s for s, _, _ in means[label]], [m for _, m, _ in means[label]], f"trace hue{hue % 8}", title=label)
+        for step, value, interval in means[label]:
+            if interval:
+                plot.whisker(step, *interval, f"reach hue{hue % 8}")
+            called = f"{label}, " * bool(label) + f"{runs[0].unit.split()[-1]} {step:g}: {written(value)}"
+            plot.dot(step, value, f"spot hue{hue % 8}", radius=3.5, title=called)
+    return Figure(title, plot.svg(), note)
 
 
 def _wide(
@@ -77,10 +114,6 @@ def _wide(
     return Plot(
         x=x, y=y, x_label=unit, y_label="", alt=alt, width=width, height=TALL, percent=percent, log_y=log_y
     )  # fmt: skip
-
-
-def _range(rewards: Sequence[float]) -> tuple[float, float]:
-    return min(0.0, *rewards), max(0.0, *rewards)
 
 
 def unit_of(runs: Iterable[TrainingRun]) -> str:
@@ -121,22 +154,14 @@ def others(run: TrainingRun) -> dict[str, list[Figure]]:
         prefix, _, name = curve.name.rpartition("/")
         if curve.name not in SHOWN and not prefix.startswith("validation"):
             heading = HEADINGS.get(prefix, prefix.replace("/", ", ").capitalize())
-            groups.setdefault(heading, []).append(logged(curve, run.unit, name=name, height=SMALL))
+            groups.setdefault(heading, []).append(logged(curve, run.unit, title=spelt(name), height=SMALL))
     return {heading: figures for heading, figures in groups.items() if figures}
 
 
 def validation(run: TrainingRun) -> list[Figure]:
     """Draw the error on held-out demonstrations, element by element of the action, over training."""
     curves = [c for c in curves_of(run.rows) if c.name.startswith("validation/") and c.name != LOSSES[1]]
-    figures = []
-    for curve in curves:
-        name, last = curve.name.removeprefix("validation/"), float(curve.values[-1])
-        alt = f"Mean absolute error of {name} over training; last {tick_label(last)}"
-        x, y = (0.0, float(curve.steps[-1])), (0.0, float(curve.values.max()))
-        plot = Plot(x=x, y=y, x_label=run.unit, y_label="", alt=alt, width=NARROW, height=SMALL)
-        plot.line(curve.steps, curve.values, "curve")
-        figures.append(Figure(name, plot.svg(), f"Last value {tick_label(last)}"))
-    return figures
+    return [logged(curve, run.unit, title=curve.name.removeprefix("validation/"), height=SMALL) for curve in curves]
 
 
 def prediction(shown: Prediction) -> list[Figure]:
@@ -168,39 +193,6 @@ def rewarded(uid: str, lines: Mapping[str, np.ndarray]) -> Figure:
     return Figure(uid, plot.svg(), f"Mean: {said}.")
 
 
-def success_of_groups(groups: Groups) -> Figure | None:
-    """Draw success over training for runs of several seeds: a hue per group, its mean with intervals, each seed thin.
-
-    The interval resamples training seeds, then episodes; with one seed, the episodes alone.
-    """
-    each = {run: [(r.step, r.rate) for r in run.rollouts] for run in _all(groups) if run.rollouts}
-    if not each:
-        return None
-    means, ends = _means(groups, each, mean_success, _as_percent)
-    alt = f"Success over training, mean over seeds: {ends} at the end"
-    plot = _wide(_last(each), (0.0, 1.0), unit_of(each), alt, percent=True)
-    _draw_groups(plot, groups, each, means, _as_percent)
-    note = "Thick: mean over training seeds; thin: each of them. Bars: 95 % intervals, resampling seeds and episodes."
-    return Figure(SUCCESS_TITLE, plot.svg(), note)
-
-
-def reward_of_groups(groups: Groups) -> Figure | None:
-    """Draw the mean reward of rollouts for runs of several seeds, as :func:`success_of_groups` does success.
-
-    The interval resamples training seeds; with one there is none.
-    """
-    each = {run: run.rewards for run in _all(groups) if run.rewards}
-    if not each:
-        return None
-    means, ends = _means(groups, each, mean_rewards, tick_label)
-    alt = f"Mean reward over training, mean over seeds: {ends} at the end"
-    plot = _wide(_last(each), _range([reward for points in each.values() for _, reward in points]), unit_of(each), alt)
-    _draw_groups(plot, groups, each, means, tick_label)
-    note = "What a control step was paid, on average. Thick: mean over training seeds; thin: each of them. "
-    note += "Bars: 95 % intervals, resampling seeds; too narrow for few of them."
-    return Figure(REWARD_TITLE, plot.svg(), note)
-
-
 def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
     """Draw the success in the last rollouts along a setting in which ``runs`` differ: each run, and means.
 
@@ -224,47 +216,12 @@ def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
     return Figure(axis, plot.svg(), "; ".join(f"{k}: {values[k - 1]}, mean {100 * mean:.0f} %" for k, mean in means))
 
 
-def _means(
-    groups: Groups, each: Each, mean: Callable[[Sequence[TrainingRun]], list[Mean]], written: Callable[[float], str]
-) -> tuple[dict[str, list[Mean]], str]:
-    """Return the means over each group's seeds, and the last of each in words."""
-    means = {label: mean([run for run in runs if run in each]) for label, runs in groups.items()}
-    return means, ", ".join(f"{label} {written(points[-1][1])}" for label, points in means.items() if points)
-
-
-def _as_percent(rate: float) -> str:
+def _percent(rate: float) -> str:
     return f"{100 * rate:.0f} %"
 
 
 def _all(groups: Groups) -> list[TrainingRun]:
     return [run for runs in groups.values() for run in runs]
-
-
-def _last(each: Each) -> float:
-    return float(max(points[-1][0] for points in each.values()))
-
-
-def _draw_groups(
-    plot: Plot, groups: Groups, each: Each, means: Mapping[str, Sequence[Mean]], written: Callable[[float], str]
-) -> None:
-    """Draw each run thin and each group's mean thick, with its intervals, in the hue that its place among all has.
-
-    Args:
-        plot: where. groups: label -> runs. each: run -> (step, value). means: label -> means over its seeds.
-        written: value -> how it is written.
-    """
-    for hue, (label, runs) in enumerate(groups.items()):
-        for run in (run for run in runs if run in each and len(runs) > 1):
-            steps, values = zip(*each[run], strict=True)
-            plot.line(steps, values, f"trace thin hue{hue % 8}", title=f"{label}, seed {run.seed}")
-        if not means[label]:
-            continue
-        plot.line([s for s, _, _ in means[label]], [m for _, m, _ in means[label]], f"trace hue{hue % 8}", title=label)
-        for step, mean, interval in means[label]:
-            if interval:
-                plot.whisker(step, *interval, f"reach hue{hue % 8}")
-            title = f"{label}, {runs[0].unit.split()[-1]} {step:g}: {written(mean)}"
-            plot.dot(step, mean, f"spot hue{hue % 8}", radius=3.5, title=title)
 
 
 def mean_success(runs: Sequence[TrainingRun]) -> list[Mean]:

@@ -21,8 +21,7 @@ from aerial_il.presentation.pages import run_figures
 from aerial_il.presentation.pages.page import END_WORDS, flat, write_page
 
 MOST_SETTINGS = 4  # named in a label
-OF_ONE = (run_figures.success, run_figures.mean_reward)  # what rollouts on the way show
-OVER_SEEDS = (run_figures.success_of_groups, run_figures.reward_of_groups)
+ROLLOUTS = (run_figures.success, run_figures.mean_reward)  # what is drawn of rollouts on the way
 
 
 def write_run_report(
@@ -50,8 +49,8 @@ def write_run_report(
         "run.html.j2",
         run=run,
         final=run.rollouts[-1] if run.rollouts else None,
-        judged=[_judged_row(name, result) for name, result in run.judged.items()],
-        rollouts=[drawn for draw in OF_ONE if (drawn := draw(run))],
+        judged=run.judged,
+        rollouts=[drawn for draw in ROLLOUTS if (drawn := draw({"": [run]}))],
         loss=run_figures.losses({"": [run]}),
         others=run_figures.others(run),
         validation=run_figures.validation(run),
@@ -88,7 +87,7 @@ def write_runs_report(
         "runs.html.j2",
         groups=[_group_row(label, hue % 8, members) for hue, (label, members) in enumerate(groups.items())],
         runs=[(label, run) for label, members in groups.items() for run in members],
-        rollouts=[drawn for draw in OVER_SEEDS if (drawn := draw(groups))],
+        rollouts=[drawn for draw in ROLLOUTS if (drawn := draw(groups))],
         loss=run_figures.losses(groups),
         axes=[drawn for axis in axes_of(runs) if (drawn := run_figures.success_along(axis, runs))],
         refused=refused or {},
@@ -115,10 +114,6 @@ def _label(settings: Mapping[str, Any], differing: Sequence[str]) -> str:
         return str(settings.get("policy.name"))
     parts = [f"{key.rpartition('.')[2]}={settings.get(key)}" for key in differing[:MOST_SETTINGS]]
     return ", ".join(parts) + (", ..." if len(differing) > MOST_SETTINGS else "")
-
-
-def _judged_row(name: str, result: EvaluationResult) -> dict[str, Any]:
-    return {"name": name, "result": result, "success": result.success, "seeds": (result.seeds[0], result.seeds[-1])}
 
 
 def _group_row(label: str, hue: int, runs: Sequence[TrainingRun]) -> dict[str, Any]:

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import base64
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
@@ -18,7 +15,9 @@ from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.provenance import HUMAN
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.presentation.films.scene_renderer import SceneRenderer, obstacle
-from aerial_il.presentation.pages.page import page_text
+from aerial_il.presentation.films.video import jpeg
+from aerial_il.presentation.pages.charts import Figure, histogram
+from aerial_il.presentation.pages.page import data_of, page_text
 from aerial_il.presentation.studio.studio import QUICK
 
 PAGE = "session.html"
@@ -26,6 +25,7 @@ MOST_PICTURES = 60  # of the episodes recorded last, so that the page stays smal
 SHARES = (0.0, 0.5, 1.0)  # of an episode, of which pictures are shown
 THUMBNAIL = (132, 176)  # height and width, pixels
 QUALITY = 70
+OUTCOMES = {"solved": True, "not solved": False}
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,11 @@ def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -
         DemoError: the folder holds no recording.
     """
     place = DatasetFolder(folder)
-    files = sorted((file for kind in (DEMOS, FAILURES) for file in place.files(kind)), key=_when, reverse=True)
+    files = sorted(
+        (file for kind in (DEMOS, FAILURES) for file in place.files(kind)),
+        key=lambda file: file.stat().st_mtime,
+        reverse=True,
+    )
     if not files:
         hint = f"Fly some: aerial-il teleop robot=R task=T out={folder}"
         raise DemoError(folder, "holds no recording to summarise.", hint=hint)
@@ -90,8 +94,7 @@ def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -
         takes=takes,
         rows=rows_of(takes),
         trash=trash,
-        bins=(bins := lengths(takes)),
-        highest=max(good + bad for _, _, good, bad in bins),
+        lengths=lengths(takes),
         commands=commands,
         shown=min(len(takes), MOST_PICTURES),
     )
@@ -133,13 +136,11 @@ def rows_of(takes: Sequence[Take]) -> list[Row]:
     return [_row(name, [take for take in takes if take.operator == name]) for name in names]
 
 
-def lengths(takes: Sequence[Take], bins: int = 12) -> list[tuple[float, float, int, int]]:
-    """Return a histogram of lengths: from and to (s), and how many were solved and were not."""
-    times = np.array([take.length_s for take in takes])
-    edges = np.linspace(0.0, max(1.0, float(np.ceil(times.max()))), bins + 1)
-    solved = np.array([take.success for take in takes])
-    good, bad = (np.histogram(times[chosen], edges)[0] for chosen in (solved, ~solved))
-    return [(float(a), float(b), int(g), int(f)) for a, b, g, f in zip(edges, edges[1:], good, bad, strict=False)]
+def lengths(takes: Sequence[Take]) -> Figure:
+    """Draw a histogram of the lengths of what was solved and of what was not."""
+    groups = {name: [take.length_s for take in takes if take.success is won] for name, won in OUTCOMES.items()}
+    kinds = {name: "good" if won else "bad" for name, won in OUTCOMES.items()}
+    return histogram("Length", groups, x_label="s", kinds=kinds)
 
 
 def thumbnails(episodes: Sequence[Episode]) -> list[tuple[str, ...]]:
@@ -153,13 +154,8 @@ def thumbnails(episodes: Sequence[Episode]) -> list[tuple[str, ...]]:
 def _pictures(renderer: SceneRenderer, episode: Episode) -> tuple[str, ...]:
     states = [episode.states[round(share * (len(episode.states) - 1))] for share in SHARES]
     view = renderer.frame(states, THUMBNAIL[1] / THUMBNAIL[0])
-    return tuple(_address(renderer.draw(state, view, *THUMBNAIL, exposures=QUICK)) for state in states)
-
-
-def _address(image: np.ndarray) -> str:
-    target = BytesIO()
-    Image.fromarray(image).save(target, "JPEG", quality=QUALITY)
-    return f"data:image/jpeg;base64,{base64.b64encode(target.getvalue()).decode()}"
+    drawn = (renderer.draw(state, view, *THUMBNAIL, exposures=QUICK) for state in states)
+    return tuple(data_of(jpeg(image, QUALITY), ".jpg") for image in drawn)
 
 
 def _row(name: str, takes: Sequence[Take]) -> Row:
@@ -171,7 +167,3 @@ def _row(name: str, takes: Sequence[Take]) -> Row:
 def _median(values: Sequence[float]) -> float:
     known = [value for value in values if np.isfinite(value)]
     return float(np.median(known)) if known else float("nan")
-
-
-def _when(file: Path) -> float:
-    return file.stat().st_mtime

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from aerial_il.presentation.rerun.clock import SIM_TIME
 from aerial_il.presentation.rerun.flight import Flight
 from aerial_il.presentation.rerun.geometry import plain
+from aerial_il.presentation.rerun.log import SIM_TIME
 from aerial_il.presentation.rerun.scene import scene_view
 from aerial_il.presentation.rerun.signals import groups_of
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import io
-from functools import partial
-
 import mujoco
 import numpy as np
 import rerun as rr
-from PIL import Image
 
 from aerial_il.data.episode import Episode
+from aerial_il.data.recording.encoding.images import encode
 from aerial_il.presentation.rerun.log import Log
 from aerial_il.presentation.rerun.motion import Motion, recorded_cameras
 from aerial_il.presentation.rerun.scene import xyzw
 
-JPEG_QUALITY = 85
 FRUSTUM_M = 0.08  # from the camera to its picture in the scene
 UNITS_PER_METRE = 1000.0  # of recorded depth: millimetres
 
@@ -49,23 +45,8 @@ def _log_frustum(log: Log, entity: str, motion: Motion, camera: int, focal: floa
 
 def log_pictures(log: Log, entity: str, pictures: np.ndarray) -> None:
     """Log pictures (N, H, W[, 3]): colours (uint8) as JPEG, depth (floats) in mm and segmentation by id as PNG."""
-    is_colour, is_depth = pictures.dtype == np.uint8, pictures.dtype.kind == "f"
-    encoded = _jpeg if is_colour else partial(_png, scale=UNITS_PER_METRE) if is_depth else partial(_png, shift=1)
-    blobs = [encoded(picture) for picture in pictures]
-    kind, media = (rr.EncodedImage, "image/jpeg") if is_colour else (rr.EncodedDepthImage, "image/png")
-    if not is_colour:
+    colours = pictures.dtype == np.uint8
+    kind, media = (rr.EncodedImage, "image/jpeg") if colours else (rr.EncodedDepthImage, "image/png")
+    if not colours:
         log.static(entity, rr.EncodedDepthImage.from_fields(meter=UNITS_PER_METRE))
-    log.send(entity, kind.columns(blob=blobs, media_type=[media] * len(blobs)))
-
-
-def _jpeg(picture: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(picture).save(buffer, "JPEG", quality=JPEG_QUALITY)
-    return buffer.getvalue()
-
-
-def _png(picture: np.ndarray, scale: float = 1.0, shift: int = 0) -> bytes:
-    whole = np.clip(np.round(np.nan_to_num(picture * scale)) + shift, 0, np.iinfo(np.uint16).max)
-    buffer = io.BytesIO()
-    Image.fromarray(whole.astype(np.uint16)).save(buffer, "PNG", compress_level=1)
-    return buffer.getvalue()
+    log.send(entity, kind.columns(blob=[*map(encode, pictures)], media_type=[media] * len(pictures)))

@@ -1,4 +1,4 @@
-"""A real browser without a window, driven over its DevTools protocol: real keys, real pointers, real pictures."""
+"""A real browser without a window, driven over its DevTools protocol."""
 
 from __future__ import annotations
 
@@ -20,15 +20,6 @@ from aerial_il.core.errors import AerialError
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 OPTIONS = ("--headless=new", "--no-sandbox", "--hide-scrollbars", "--remote-debugging-port=0")
 PLAIN = ("--disable-gpu",)
-KEYS = {  # code -> what else the browser wants to know
-    "Tab": ("Tab", 9),
-    "Enter": ("Enter", 13),
-    "Backspace": ("Backspace", 8),
-    "Space": (" ", 32),
-    "ShiftLeft": ("Shift", 16),
-    "ArrowLeft": ("ArrowLeft", 37),
-    "ArrowRight": ("ArrowRight", 39),
-}
 
 
 class BrowserError(AerialError, RuntimeError):
@@ -39,7 +30,7 @@ class Tab:
     """One open page.
 
     Attributes:
-        patience_s: how long it is waited for what is to be true.
+        patience_s: how long it is waited for the browser, and for what is to be true.
     """
 
     patience_s = 20.0
@@ -56,42 +47,6 @@ class Tab:
         self._answers[number] = asyncio.get_running_loop().create_future()
         await self._socket.send_str(json.dumps({"id": number, "method": method, "params": params}))
         return await self._answers[number]
-
-    async def value(self, expression: str) -> Any:
-        """Return what an expression of JavaScript is."""
-        found = await self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
-        return found["result"].get("value")
-
-    async def until(self, expression: str, timeout_s: float | None = None) -> None:
-        """Wait for an expression to be true."""
-        for _ in range(int((timeout_s or self.patience_s) / 0.05)):
-            if await self.value(f"Boolean({expression})"):
-                return
-            await asyncio.sleep(0.05)
-        raise BrowserError(f"never true: {expression}; the page says {await self.value('document.body.innerText')!r}")
-
-    async def key(self, code: str, *, down: bool) -> None:
-        """Press or release a key, as a keyboard does."""
-        letter = code.removeprefix("Key").lower()
-        key, number = KEYS.get(code, (letter, ord(letter[0].upper())))
-        kind = "rawKeyDown" if down else "keyUp"
-        await self.call("Input.dispatchKeyEvent", type=kind, code=code, key=key, windowsVirtualKeyCode=number)
-
-    async def tap(self, code: str) -> None:
-        """Press and release a key."""
-        await self.key(code, down=True)
-        await self.key(code, down=False)
-
-    async def hold(self, code: str, seconds: float) -> None:
-        """Hold a key for a while."""
-        await self.key(code, down=True)
-        await asyncio.sleep(seconds)
-        await self.key(code, down=False)
-
-    async def touch(self, kind: str, *place: float) -> None:
-        """Put a finger down, move it, or lift it (no ``place``)."""
-        points = [{"x": place[0], "y": place[1]}] if place else []
-        await self.call("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
     async def look(self, *, width: int, height: int, dark: bool = True, phone: bool = False) -> None:
         """Give the window a size and a scheme of colours."""
@@ -119,11 +74,6 @@ class Tab:
             raise BrowserError(f"The browser took no picture: {shot}.")
         return base64.b64decode(shot["data"])
 
-    async def picture(self, target: Path) -> Path:
-        """Save what is seen."""
-        target.write_bytes(await self.snapshot())
-        return target
-
     async def _read(self) -> None:
         async for message in self._socket:
             answer = json.loads(message.data)
@@ -134,15 +84,12 @@ class Tab:
                 self.errors.append(details.get("exception", {}).get("description", details["text"]))
 
 
-Opener = Callable[[str], Awaitable[Tab]]
-
-
 @asynccontextmanager
-async def browser(*drawing: str) -> AsyncIterator[Opener]:
+async def browser[T: Tab](*drawing: str, tab: type[T]) -> AsyncIterator[Callable[[str], Awaitable[T]]]:
     """Start a browser; what it yields opens pages.
 
     Args:
-        drawing: options about how it draws; none of them for a page without 3-D.
+        drawing: options about how it draws; none of them for a page without 3-D. tab: class of its pages.
 
     Raises:
         BrowserError: there is none on this machine.
@@ -155,26 +102,26 @@ async def browser(*drawing: str) -> AsyncIterator[Opener]:
             stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.DEVNULL,
         )  # fmt: skip
         try:
-            port = await _port(Path(profile) / "DevToolsActivePort")
+            port = await _port(Path(profile) / "DevToolsActivePort", tab.patience_s)
             async with aiohttp.ClientSession() as session:
-                yield lambda url: _open(session, port, url)
+                yield lambda url: _open(tab, session, port, url)
         finally:
             process.terminate()
             await process.wait()
 
 
-async def _port(file: Path) -> int:
-    for _ in range(int(Tab.patience_s / 0.05)):
+async def _port(file: Path, patience_s: float) -> int:
+    for _ in range(int(patience_s / 0.05)):
         if file.exists() and (lines := file.read_text().splitlines()):
             return int(lines[0])
         await asyncio.sleep(0.05)
     raise BrowserError("The browser did not start.")
 
 
-async def _open(session: aiohttp.ClientSession, port: int, url: str) -> Tab:
+async def _open[T: Tab](kind: type[T], session: aiohttp.ClientSession, port: int, url: str) -> T:
     async with session.put(f"http://127.0.0.1:{port}/json/new?about:blank") as answer:
         address = (await answer.json())["webSocketDebuggerUrl"]
-    tab = Tab(await session.ws_connect(address, max_msg_size=0))
+    tab = kind(await session.ws_connect(address, max_msg_size=0))
     for domain in ("Page", "Runtime"):
         await tab.call(f"{domain}.enable")
     await tab.call("Emulation.setFocusEmulationEnabled", enabled=True)

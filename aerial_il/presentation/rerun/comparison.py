@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from aerial_il.presentation.rerun.clock import Clock
 from aerial_il.presentation.rerun.flight import Flight
+from aerial_il.presentation.rerun.log import Clock
 from aerial_il.presentation.rerun.signals import phase_names
 
 
@@ -56,12 +56,12 @@ def subtask_times(flight: Flight) -> dict[str, float]:
 
 def common(one: dict[str, float], other: dict[str, float]) -> list[str]:
     """Return what both went through, in the first one's order; what the second did in another order is left out."""
-    found: list[str] = []
+    shared: list[str] = []
     for name in sorted(one.keys() & other.keys(), key=one.__getitem__):
-        later = not found or (one[name] > one[found[-1]] and other[name] > other[found[-1]])
+        later = not shared or (one[name] > one[shared[-1]] and other[name] > other[shared[-1]])
         if later and (one[name] > 0.0) == (other[name] > 0.0):
-            found.append(name)
-    return found
+            shared.append(name)
+    return shared
 
 
 def _clocks(first: Flight, second: Flight, pairs: list[tuple[float, float]]) -> tuple[Clock, Clock]:

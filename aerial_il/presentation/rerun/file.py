@@ -12,8 +12,8 @@ import rerun as rr
 
 from aerial_il.core.errors import StorageError
 from aerial_il.presentation.rerun.blueprint import blueprint
-from aerial_il.presentation.rerun.clock import ALIGNED, SIM_TIME, Clock
 from aerial_il.presentation.rerun.flight import Flight, log_flight
+from aerial_il.presentation.rerun.log import ALIGNED, SIM_TIME, Clock
 from aerial_il.presentation.rerun.program import run
 
 APPLICATION = "aerial_il"

@@ -10,15 +10,16 @@ import rerun as rr
 
 from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
+from aerial_il.evaluation.predictions import Prediction
+from aerial_il.presentation.markdown import table
 from aerial_il.presentation.rerun import signals
 from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
-from aerial_il.presentation.rerun.chunks import Chunks, log_chunks
-from aerial_il.presentation.rerun.clock import Clock
-from aerial_il.presentation.rerun.log import Log
+from aerial_il.presentation.rerun.log import Clock, Log
 from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
 from aerial_il.presentation.rerun.scene import (
     M_PER_M_S,
     M_PER_N,
+    log_chunks,
     log_command,
     log_goal,
     log_motion,
@@ -39,24 +40,24 @@ class Flight:
     Attributes:
         episode: the recording. motion: its scene in all of its states, None where that cannot be had.
         flags: (T, K) sub-task flags after each step, None where nobody can say. notes: what is not shown, and why.
-        chunks: what a policy predicted along it; None if nobody asked.
+        prediction: of a policy along it; None if nobody asked.
     """
 
     episode: Episode
     motion: Motion | None
     flags: np.ndarray | None = None
     notes: tuple[str, ...] = ()
-    chunks: Chunks | None = None
+    prediction: Prediction | None = None
 
     @staticmethod
-    def of(episode: Episode, flags: np.ndarray | None = None, chunks: Chunks | None = None) -> Flight:
+    def of(episode: Episode, flags: np.ndarray | None = None, prediction: Prediction | None = None) -> Flight:
         """Pose the scene in every state, or note why it cannot be."""
         try:
             model = compile_scene(episode)
         except DemoError as error:
-            return Flight(episode, None, None, (str(error),), chunks)
+            return Flight(episode, None, None, (str(error),), prediction)
         notes = () if flags is not None else (NO_FLAGS,)
-        return Flight(episode, move(model, episode.states, episode.spec), flags, notes, chunks)
+        return Flight(episode, move(model, episode.states, episode.spec), flags, notes, prediction)
 
     @cached_property
     def cameras(self) -> tuple[str, ...]:
@@ -87,9 +88,9 @@ def log_flight(
     signals.log_observations(curves, episode)
     signals.log_reward(curves, episode.rewards)
     signals.log_states(states, episode, flight.flags)
-    if flight.chunks is not None:
+    if flight.prediction is not None:
         first = replace(curves, second=False)  # as bright for both flights
-        signals.log_action(first, episode.spec.action, flight.chunks.actions, kind="predicted", width=1.8)
+        signals.log_action(first, episode.spec.action, flight.prediction.predicted, kind="predicted", width=1.8)
 
 
 def _log_scene(log: Log, flight: Flight, motion: Motion) -> None:
@@ -100,8 +101,8 @@ def _log_scene(log: Log, flight: Flight, motion: Motion) -> None:
     log_cameras(log, episode, motion)
     if (columns := tool_columns(episode)) is not None:
         log_command(log, episode.executed_actions[:, columns], motion)
-        if flight.chunks is not None:
-            log_chunks(log, flight.chunks, columns)
+        if flight.prediction is not None:
+            log_chunks(log, flight.prediction.predicted[:, columns], flight.prediction.starts)
     if (goal := goal_of(episode)) is not None:
         log_goal(log, goal)
 
@@ -133,7 +134,6 @@ def about(flight: Flight) -> str:
         "seed": origin.get("seed", "unknown"), "steps": len(episode), "seconds": f"{episode.sim_time[-1]:.2f}",
         "end": end, "return": f"{episode.total_reward:.2f}", "action": spec.action.level,
     }  # fmt: skip
-    table = "\n".join(f"| {name} | {value} |" for name, value in rows.items())
     scales = f"Arrows: {100 * M_PER_N:g} cm per N of force, {100 * M_PER_M_S:g} cm per m/s of wind."
     notes = "\n\n".join([scales, *flight.notes] if flight.motion is not None else flight.notes)
-    return f"# {spec.task} on {spec.robot}\n\n{spec.instruction}\n\n| | |\n|---|---|\n{table}\n\n{notes}\n"
+    return f"# {spec.task} on {spec.robot}\n\n{spec.instruction}\n\n{table(('', ''), rows.items())}\n\n{notes}\n"

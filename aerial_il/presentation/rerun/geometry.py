@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
 
 import mujoco
 import numpy as np
@@ -14,7 +13,6 @@ from aerial_il.presentation.rerun.log import Log
 
 GROUND_HALF_M = 2.0  # of the piece of an endless plane that is drawn
 SEEN_GROUPS = 3  # MuJoCo's own viewers, too, show the geoms of groups 0 to 2
-SOLID = rr.components.FillMode.Solid
 Geom = mujoco.mjtGeom
 
 
@@ -49,57 +47,27 @@ def colour_of(model: mujoco.MjModel, geom: int) -> np.ndarray:
 
 def shape_of(model: mujoco.MjModel, geom: int, colour: np.ndarray) -> rr.AsComponents:
     """Return what draws a geom, in its body's frame."""
-    kind = Geom(model.geom_type[geom])
-    if kind in (Geom.mjGEOM_MESH, Geom.mjGEOM_SDF):
-        return _mesh(model, geom, colour)
-    if kind == Geom.mjGEOM_PLANE:
-        return _plane(model, geom)
-    if kind not in SHAPES:  # a height field: nothing of ours has one
-        return rr.Boxes3D(half_sizes=[model.geom_aabb[geom, 3:]], centers=[model.geom_pos[geom]], colors=[colour])
-    w, x, y, z = model.geom_quat[geom]
-    turned = rr.Quaternion(xyzw=[x, y, z, w])
-    return SHAPES[kind](model.geom_pos[geom], model.geom_size[geom], turned, colour)
-
-
-def _box(pos: np.ndarray, size: np.ndarray, turned: rr.Quaternion, colour: np.ndarray) -> rr.AsComponents:
-    return rr.Boxes3D(half_sizes=[size], centers=[pos], quaternions=[turned], colors=[colour], fill_mode=SOLID)
-
-
-def _ellipsoid(pos: np.ndarray, size: np.ndarray, turned: rr.Quaternion, colour: np.ndarray) -> rr.AsComponents:
-    return rr.Ellipsoids3D(half_sizes=[size], centers=[pos], quaternions=[turned], colors=[colour], fill_mode=SOLID)
-
-
-def _sphere(pos: np.ndarray, size: np.ndarray, turned: rr.Quaternion, colour: np.ndarray) -> rr.AsComponents:
-    return _ellipsoid(pos, np.full(3, size[0]), turned, colour)
-
-
-def _cylinder(pos: np.ndarray, size: np.ndarray, turned: rr.Quaternion, colour: np.ndarray) -> rr.AsComponents:
-    return rr.Cylinders3D(
-        lengths=[2 * size[1]], radii=[size[0]], centers=[pos], quaternions=[turned], colors=[colour], fill_mode=SOLID
-    )
-
-
-def _capsule(pos: np.ndarray, size: np.ndarray, turned: rr.Quaternion, colour: np.ndarray) -> rr.AsComponents:
-    """A capsule, which rerun draws from its lower end and MuJoCo from its middle."""
-    x, y, z, w = turned.xyzw
-    axis = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    return rr.Capsules3D(
-        lengths=[2 * size[1]],
-        radii=[size[0]],
-        translations=[pos - size[1] * axis],
-        quaternions=[turned],
-        colors=[colour],
-        fill_mode=SOLID,
-    )
-
-
-SHAPES: Mapping[Geom, Callable[[np.ndarray, np.ndarray, rr.Quaternion, np.ndarray], rr.AsComponents]] = {
-    Geom.mjGEOM_BOX: _box,
-    Geom.mjGEOM_ELLIPSOID: _ellipsoid,
-    Geom.mjGEOM_SPHERE: _sphere,
-    Geom.mjGEOM_CYLINDER: _cylinder,
-    Geom.mjGEOM_CAPSULE: _capsule,
-}
+    kind, size, pos, quat = (getattr(model, f"geom_{name}")[geom] for name in ("type", "size", "pos", "quat"))
+    solid = {"quaternions": [np.roll(quat, -1)], "colors": [colour], "fill_mode": rr.components.FillMode.Solid}
+    along_z = {"lengths": [2 * size[1]], "radii": [size[0]]}
+    match Geom(kind):
+        case Geom.mjGEOM_MESH | Geom.mjGEOM_SDF:
+            return _mesh(model, geom, colour)
+        case Geom.mjGEOM_PLANE:
+            return _plane(model, geom)
+        case Geom.mjGEOM_BOX:
+            return rr.Boxes3D(half_sizes=[size], centers=[pos], **solid)
+        case Geom.mjGEOM_ELLIPSOID:
+            return rr.Ellipsoids3D(half_sizes=[size], centers=[pos], **solid)
+        case Geom.mjGEOM_SPHERE:
+            return rr.Ellipsoids3D(half_sizes=[np.full(3, size[0])], centers=[pos], **solid)
+        case Geom.mjGEOM_CYLINDER:
+            return rr.Cylinders3D(centers=[pos], **along_z, **solid)
+        case Geom.mjGEOM_CAPSULE:  # which rerun draws from its lower end and MuJoCo from its middle
+            low = _turned(pos, quat, np.array([0.0, 0.0, -size[1]]))
+            return rr.Capsules3D(translations=[low], **along_z, **solid)
+        case _:  # a height field: nothing of ours has one
+            return rr.Boxes3D(half_sizes=[model.geom_aabb[geom, 3:]], centers=[pos], colors=[colour])
 
 
 def _plane(model: mujoco.MjModel, geom: int) -> rr.AsComponents:
@@ -128,7 +96,7 @@ def _mesh(model: mujoco.MjModel, geom: int, colour: np.ndarray) -> rr.AsComponen
 
 
 def _turned(pos: np.ndarray, quat: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return points (P, 3) of a geom's frame in its body's."""
+    """Return points (..., 3) of a geom's frame in its body's."""
     mat = np.zeros(9)
     mujoco.mju_quat2Mat(mat, quat)
     return points @ mat.reshape(3, 3).T + pos

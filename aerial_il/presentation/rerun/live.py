@@ -8,8 +8,7 @@ import rerun.blueprint as rrb
 
 from aerial_il.core.contracts import StepResult
 from aerial_il.presentation.rerun import palette, signals
-from aerial_il.presentation.rerun.clock import SIM_TIME, Clock
-from aerial_il.presentation.rerun.log import Log
+from aerial_il.presentation.rerun.log import SIM_TIME, Clock, Log
 from aerial_il.presentation.rerun.motion import Motion, move
 from aerial_il.presentation.rerun.scene import log_motion, log_scene, scene_view
 from aerial_il.suite.batch import BatchEnvironment

@@ -9,7 +9,30 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from aerial_il.presentation.rerun.clock import Clock
+STEP, SIM_TIME, ALIGNED = "step", "sim_time", "aligned"
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """When each of N states was.
+
+    Attributes:
+        sim_time: (N,) s. aligned: (N,) s, when it would have been in another flight; None for a flight alone.
+        first_step: number of the first state.
+    """
+
+    sim_time: np.ndarray
+    aligned: np.ndarray | None = None
+    first_step: int = 0
+
+    def columns(self, index: np.ndarray | None = None) -> list[rr.TimeColumn]:
+        """Return the time columns of the states ``index``, or of all."""
+        index = np.arange(len(self.sim_time)) if index is None else index
+        times = [
+            rr.TimeColumn(STEP, sequence=self.first_step + index),
+            rr.TimeColumn(SIM_TIME, duration=self.sim_time[index]),
+        ]
+        return times if self.aligned is None else [*times, rr.TimeColumn(ALIGNED, duration=self.aligned[index])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -136,34 +136,28 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
         spec: of the environment, which knows the wind.
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
-    found: list[tuple[np.ndarray, ...]] = []
+    seen: list[dict[str, np.ndarray]] = []
     contacts: list[tuple[np.ndarray, ...]] = []
     for state in np.ascontiguousarray(states[:, :size]):
         mujoco.mj_setState(model, data, state, STATE)
         mujoco.mj_forward(model, data)
-        found.append(tuple(np.copy(part) for part in _seen(model, data)))
+        seen.append({name: np.copy(part) for name, part in _seen(model, data).items()})
         contacts.append(_contacts(model, data))
-    body_pos, body_quat, site_pos, camera_pos, camera_mat, thrust_pos, thrust = map(np.stack, zip(*found, strict=True))
     wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
-    counts, points, forces, on_robot = zip(*contacts, strict=True)
+    counts, *each = zip(*contacts, strict=True)
     return Motion(
         model=model,
-        body_pos=body_pos,
-        body_quat=body_quat,
-        site_pos=site_pos,
-        camera_pos=camera_pos,
-        camera_mat=camera_mat.reshape(len(states), -1, 3, 3),
-        thrust_pos=thrust_pos,
-        thrust=thrust,
-        contacts=Contacts(np.array(counts), *(np.concatenate(part) for part in (points, forces, on_robot))),
+        contacts=Contacts(np.array(counts), *map(np.concatenate, each)),
         wind=wind if wind.any() else None,
+        **{name: np.stack([parts[name] for parts in seen]) for name in seen[0]},
     )
 
 
-def _seen(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:
+def _seen(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, np.ndarray]:
     """Return views of what is kept of one state; see :class:`Motion`."""
-    poses = (data.xpos, data.xquat, data.site_xpos, data.cam_xpos, data.cam_xmat)
-    return (*poses, *_thrusts(model, data))
+    poses = {"body_pos": data.xpos, "body_quat": data.xquat, "site_pos": data.site_xpos, "camera_pos": data.cam_xpos}
+    thrust_pos, thrust = _thrusts(model, data)
+    return {**poses, "camera_mat": data.cam_xmat.reshape(-1, 3, 3), "thrust_pos": thrust_pos, "thrust": thrust}
 
 
 def _thrusts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:

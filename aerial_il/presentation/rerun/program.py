@@ -27,11 +27,11 @@ def program() -> Path:
     Raises:
         ViewerError: it is not there.
     """
-    found = Path(sys.executable).with_name("rerun")
-    if not found.exists():
+    viewer = Path(sys.executable).with_name("rerun")
+    if not viewer.exists():
         hint = "Install it with: pip install rerun-sdk; or look at the flight without it: aerial-il view recording=PATH"
-        raise ViewerError(f"rerun's viewer is not installed: there is no {found}. {hint}")
-    return found
+        raise ViewerError(f"rerun's viewer is not installed: there is no {viewer}. {hint}")
+    return viewer
 
 
 def run(*words: str) -> str:
@@ -78,8 +78,8 @@ def _address(server: subprocess.Popen[str]) -> str:
     assert server.stdout is not None
     for line in server.stdout:
         said.append(line.strip())
-        if found := _ADDRESS.search(line):
-            return found[0]
+        if address := _ADDRESS.search(line):
+            return address[0]
         if time.monotonic() > until:
             break
     raise ViewerError(f"rerun's page did not start: {said[-1] if said else 'it said nothing'}")

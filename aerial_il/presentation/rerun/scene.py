@@ -19,7 +19,7 @@ M_PER_N = 0.01  # length of the arrow of a force of 1 N
 M_PER_M_S = 0.08  # and of a wind of 1 m/s
 WIND_ABOVE_M = 0.35  # where the wind's arrow is seen, above the robot
 TAIL = 50  # states by which a trail is bright
-ARROW_M, PATH_M, TAIL_M, COMMAND_M = 0.006, 0.0015, 0.004, 0.012  # radii of what is drawn
+ARROW_M, PATH_M, TAIL_M, CHUNK_M, COMMAND_M = 0.006, 0.0015, 0.004, 0.005, 0.012  # radii of what is drawn
 ASIDE_RAD, CLOSE = -0.7, 0.95  # the eye stands beside the camera, so far away as a share of what it looks at
 LEAST_MOTION_M = 0.02  # an object that moves less leaves no trail
 
@@ -67,7 +67,11 @@ def _log_arrows(
 
 def log_trails(log: Log, motion: Motion) -> None:
     """Log where the tool and free objects have just been, and, thin and pale, all of where they go."""
-    paths = {name: (path, palette.OBJECT) for name, path in motion.objects.items() if _moves(path)}
+    paths = {
+        name: (path, palette.OBJECT)
+        for name, path in motion.objects.items()
+        if np.ptp(path, axis=0).max() > LEAST_MOTION_M
+    }
     if motion.tool is not None:
         paths["tool"] = (motion.tool, palette.TOOL)
     for name, (path, colour) in paths.items():
@@ -89,6 +93,12 @@ def log_command(log: Log, targets: np.ndarray, motion: Motion) -> None:
     lines = np.stack([motion.tool[: len(targets)], targets], axis=1)
     log.static("command/from_tool", rr.LineStrips3D.from_fields(colors=[palette.COMMAND], radii=[PATH_M]))
     log.send("command/from_tool", rr.LineStrips3D.columns(strips=list(lines)), steps)
+
+
+def log_chunks(log: Log, targets: np.ndarray, starts: np.ndarray) -> None:
+    """Log chunks of predicted positions of the tool (T, 3), each from one of ``starts`` (C,) on, while it lasts."""
+    log.static("predicted", rr.LineStrips3D.from_fields(colors=[palette.PREDICTED], radii=[CHUNK_M]))
+    log.send("predicted", rr.LineStrips3D.columns(strips=np.split(targets, starts[1:])), starts)
 
 
 def log_goal(log: Log, goal: np.ndarray) -> None:
@@ -131,7 +141,3 @@ def _extent(motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     margin = max(0.15, float(np.ptp(robot[0], axis=0).max()) / 2)
     points = np.concatenate([robot.reshape(-1, 3), motion.body_pos[:, motion.moving].reshape(-1, 3)])
     return points.min(axis=0) - margin, points.max(axis=0) + margin
-
-
-def _moves(path: np.ndarray) -> bool:
-    return bool(np.ptp(path, axis=0).max() > LEAST_MOTION_M)

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from aerial_il.core.places import MADE_BY
+from aerial_il.presentation.films.video import signed_png
 from aerial_il.presentation.rerun.chromium import BrowserError, Tab, browser
 from aerial_il.presentation.rerun.program import ViewerError, page
 
@@ -30,13 +32,13 @@ def take(file: Path, target: Path, *, at: float | None = None) -> Path:
     """
     picture = asyncio.run(_seen(file, at))
     target.parent.mkdir(parents=True, exist_ok=True)
-    Image.open(io.BytesIO(picture)).convert("RGB").save(target)
+    Image.open(io.BytesIO(picture)).convert("RGB").save(target, pnginfo=signed_png(), xmp=MADE_BY.encode())
     return target
 
 
 async def _seen(file: Path, at: float | None) -> bytes:
     with page(file) as (_, address):
-        async with browser(*DRAWING) as opened:
+        async with browser(*DRAWING, tab=Tab) as opened:
             tab = await opened("about:blank")
             await tab.look(width=WIDTH, height=HEIGHT, dark=False)
             await tab.call("Page.navigate", url=f"{address}&renderer=webgl&hide_welcome_screen")

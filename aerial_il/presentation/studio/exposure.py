@@ -15,13 +15,8 @@ from aerial_il.suite.rendering import Renderer
 
 KEY_DIR, KEY_SPREAD = np.array([0.15, 0.75, -1.2]), 0.08  # where the main lamp shines; half its size seen from below
 DISTANCE_M = 3.0  # of lamps from what is looked at; they shine in parallel
-KEY, SKY, FILL, BOUNCE, AMBIENT = (
-    0.44,
-    0.27,
-    0.24,
-    0.22,
-    0.33,
-)  # brightness of the lamps, and of what comes from everywhere
+# brightness of the lamps, and of what comes from everywhere
+KEY, SKY, FILL, BOUNCE, AMBIENT = 0.44, 0.27, 0.24, 0.22, 0.33
 WARM, COOL = np.array([1.0, 0.975, 0.93]), np.array([0.93, 0.97, 1.0])
 FILL_DIR, UP = np.array([-0.87, 0.10, -0.48]), np.array([0.0, 0.0, 1.0])
 LOWEST_SKY = 0.5  # sine of the height from which the sky still shines: shadows of lower lamps would be ragged

@@ -38,13 +38,13 @@ class Propeller:
 
 def propellers(model: mujoco.MjModel) -> tuple[Propeller, ...]:
     """Return the propellers of a staged scene."""
-    found, known = [], knows_thrusts(model)
+    turning, known = [], knows_thrusts(model)
     for index, site in enumerate(rotor_sites(model)):
         geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{index}")
         if geom >= 0 and known:
             sense = -float(np.sign(drag_ratio(model, index, site))) or 1.0
-            found.append(Propeller(geom, site, index, float(model.geom_aabb[geom, 3:].max()), sense))
-    return tuple(found)
+            turning.append(Propeller(geom, site, index, float(model.geom_aabb[geom, 3:].max()), sense))
+    return tuple(turning)
 
 
 def turn(data: mujoco.MjData, turning: tuple[Propeller, ...], still: np.ndarray, share: float) -> None:

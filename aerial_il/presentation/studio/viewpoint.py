@@ -39,10 +39,10 @@ class Viewpoint:
         camera.azimuth, camera.elevation = self.azimuth_deg, self.elevation_deg
         return camera
 
-    def holding(self, points: np.ndarray, aspect: float, *, fov_deg: float = FOV_DEG) -> Viewpoint:
+    def holding(self, points: np.ndarray, aspect: float) -> Viewpoint:
         """Return the viewpoint of the same angles that just holds ``points`` (P, 3) m in a picture of ``aspect``."""
         local = points @ self.axes.T
-        half = np.tan(0.5 * np.deg2rad(fov_deg)) * np.array([aspect, 1.0])
+        half = np.tan(0.5 * np.deg2rad(FOV_DEG)) * np.array([aspect, 1.0])
         middle = 0.5 * (local.min(axis=0) + local.max(axis=0))
         for _ in range(4):  # nearer points stand farther out: centre what the picture shows, not what is there
             distance = float(np.max(np.abs(local[:, :2] - middle[:2]) * MARGIN / half - (local[:, 2:] - middle[2])))

@@ -63,13 +63,19 @@ class Film:
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
         self.error: BaseException | None = None
         self.thrift = 0  # which of ``THRIFT``; set by who knows the link
+        self.watched = True  # whether anybody looks; set by who knows the pages
 
     def start(self) -> None:
         """Begin to render."""
         self._thread.start()
 
     def show(self, state: np.ndarray, input_seq: int) -> None:
-        """Hand over a copy of the state (S,) to be rendered; one that was not rendered yet is forgotten."""
+        """Hand over a copy of the state (S,) to be rendered; one that was not rendered yet is forgotten.
+
+        Nothing is rendered while nobody watches.
+        """
+        if not self.watched:
+            return
         with self._wake:
             self._shown = (state, input_seq, time.perf_counter())
             self._wake.notify()
@@ -83,7 +89,7 @@ class Film:
             self._thread.join()
 
     def _run(self) -> None:
-        data, number = mujoco.MjData(self._model), 0
+        data, number, last = mujoco.MjData(self._model), 0, None
         renderer, chase = Renderer(self._model, *self._size), Chase(self._model)
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             renderer.scene.flags[flag] = False
@@ -92,7 +98,9 @@ class Film:
                 started, (state, input_seq, when) = time.perf_counter(), taken
                 mujoco.mj_setState(self._model, data, state, STATE)
                 mujoco.mj_forward(self._model, data)
-                images = tuple(_jpeg(_picture(renderer, chase, data, name), self.thrift) for name in self.cameras)
+                still = (state.tobytes(), self.cameras)
+                thrift, last = 0 if still == last else self.thrift, still  # what stands still is seen sharp
+                images = tuple(_jpeg(_picture(renderer, chase, data, name), thrift) for name in self.cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
                 time.sleep(max(0.0, started + self._least - time.perf_counter()))

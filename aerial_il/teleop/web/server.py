@@ -172,6 +172,7 @@ class Server:
         socket = web.WebSocketResponse(max_msg_size=CLOSING_BYTES, heartbeat=5.0, compress=False)
         await socket.prepare(request)
         visitor = self.visitors.enter(socket)
+        self._watch()
         senders = [asyncio.create_task(work(visitor)) for work in (self._send_pictures, self._send_status)]
         try:
             await self._greet(visitor)
@@ -188,7 +189,12 @@ class Server:
             self._guard.welcome.discard(request.transport)
             if self.visitors.leave(visitor):
                 self._let_go()
+            self._watch()
         return socket
+
+    def _watch(self) -> None:
+        if self.film is not None:
+            self.film.watched = len(self.visitors) > 0
 
     async def _greet(self, visitor: Visitor) -> None:
         await visitor.socket.send_str(json.dumps({"type": "hello", **self._about, "number": visitor.number}))

@@ -6,11 +6,10 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.data.dataset import open_dataset
-from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import flown_by_hand
 from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
 from aerial_il.policies.parts.egocentric import chose_view, egocentric
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
@@ -18,7 +17,9 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by_hand: bool | None) -> tuple[Any, P]:
+def suited[P: PolicySettings](
+    path: str | None, algorithm: Any, policy: P, *, by_hand: bool | None, reading: Reading = AS_IT_SAYS
+) -> tuple[Any, P]:
     """Return settings that learn from the dataset as it was flown; those of the user's own choice are kept.
 
     Demonstrations that a person flew are relabelled (:mod:`aerial_il.data.waypoints`) and seen from the tool
@@ -27,13 +28,14 @@ def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by
     Args:
         path: of the dataset, if there is one. algorithm, policy: as they were configured.
         by_hand: whether to take it as flown by hand; None for what its provenance says.
+        reading: answers to what the format does not say.
     """
     before: Waypoints | None = getattr(algorithm, "waypoints", None)  # of one that clones
     if path is None or before is None or by_hand is False:
         return algorithm, policy
-    episodes = open_dataset(path, failures=True).one_of_each()
+    episodes = reading.open(path, failures=True, states=False).one_of_each()
     flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
-    if not flown or not (by_hand or all(_relabels(e) for e in flown)):
+    if not flown or not (by_hand or all(e.spec.action.level == LEVEL for e in flown)):
         return algorithm, policy
     said = []
     if before == BC.waypoints:
@@ -47,7 +49,3 @@ def suited[P: PolicySettings](path: str | None, algorithm: Any, policy: P, *, by
         who = ", ".join(sorted({str(e.provenance.get("policy", "unknown")) for e in flown}))
         log.info("Flown by hand (%s): %s. As recorded: dataset.by_hand=false", who, "; ".join(said))
     return algorithm, policy
-
-
-def _relabels(episode: Episode) -> bool:
-    return episode.spec.action.level == LEVEL

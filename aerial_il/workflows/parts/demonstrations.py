@@ -7,14 +7,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 log = logging.getLogger(__name__)
 
 
 def open_demonstrations(
-    path: str, *, limit: int | None, images: Sequence[str] = (), failures: bool = False, states: bool = False
+    path: str,
+    *,
+    limit: int | None,
+    images: Sequence[str] = (),
+    failures: bool = False,
+    states: bool = False,
+    reading: Reading = AS_IT_SAYS,
 ) -> Iterable[Episode]:
     """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
 
@@ -23,18 +29,18 @@ def open_demonstrations(
     Args:
         path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
         failures: whether failed flights are learned from too. states: whether the simulator's states are wanted, for
-            demonstrations that are recorded once more.
+            demonstrations that are recorded once more. reading: answers to what the format does not say.
 
     Raises:
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
     if limit is None:
-        return open_dataset(path, cameras=tuple(images), failures=failures, states=states)
+        return reading.open(path, cameras=tuple(images), failures=failures, states=states)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
-    dataset = open_dataset(path, states=states)
+    dataset = reading.open(path, states=states)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -43,18 +49,18 @@ def open_demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return open_dataset(path, cameras=tuple(images), states=states).only([episode.uid for episode in chosen])
+        return reading.open(path, cameras=tuple(images), states=states).only([episode.uid for episode in chosen])
     return chosen
 
 
-def warn_of_changes(path: str) -> None:
+def warn_of_changes(path: str, reading: Reading = AS_IT_SAYS) -> None:
     """Say what has changed since demonstrations were recorded: the meaning of their tier, or the engine."""
     from aerial_il.data.provenance import engine_of
     from aerial_il.suite.changes import engine_note, tier_note
 
     for note in dict.fromkeys(
         note
-        for episode in open_dataset(path).one_of_each()
+        for episode in reading.open(path, states=False).one_of_each()
         if not episode.spec.is_outside
         for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)))
         if note
@@ -62,11 +68,11 @@ def warn_of_changes(path: str) -> None:
         log.warning("%s: %s It is learned from as it is.", path, note)
 
 
-def check_origin(path: str, expected: Mapping[str, str]) -> None:
+def check_origin(path: str, expected: Mapping[str, str], reading: Reading = AS_IT_SAYS) -> None:
     """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
     from aerial_il.algorithms.supervised.training_set import check_recorded
 
-    for part in open_dataset(path).parts if expected else ():
+    for part in reading.open(path, states=False).parts if expected else ():
         check_recorded(part.spec, expected)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import EnvSpec, camera_name
+from aerial_il.core.specs import EnvSpec
 from aerial_il.suite import outside
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.outside.processes import processes_for
@@ -142,7 +142,7 @@ def reference_of(spec: EnvSpec, *, images: Sequence[str] = (), typed: str | None
         action=spec.action.level,
         controller=spec.controller,
         horizon=horizon_of(spec),
-        cameras=tuple(map(camera_name, images)),
+        cameras=tuple(":".join(name.rsplit("_", 1)) for name in images),
         image_size=(height, width),
     )
 

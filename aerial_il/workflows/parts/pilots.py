@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import shutil
 from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -86,31 +87,21 @@ def pilot(
         options: of that environment, where they are to differ from those the policy was trained with.
         noise: of an expert from a file, as a share of what it was trained with.
     """
-    if source.endswith(".npz") or (env is not None and source in BASELINES):
-        return _outsider(source, env, dict(options or {}), noise)
-    if made := _brought(source):
-        return _in_what_was_said(made, source, robot, task, action, env, dict(options or {}))
-    if source == EXPERT or source in BASELINES:
-        if robot is None or task is None:
-            raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
-        policy = experts.make(robot, task) if source == EXPERT else BASELINES[source]()
-        said = _cell_overrides(source, robot, task, action)
-        return Pilot(policy, robot, task, said, _cell(robot, task, action))
-    if found := find_lerobot(Path(source)):
-        return _from_lerobot(source, found, robot=robot, task=task, action=action)
+    chosen = dict(options or {})
+    if made := _stating_nothing(source, robot, task, env, noise):
+        return _pilot(made, source, _place(source, robot, task, action, env, chosen), chosen)
+    if folder := find_lerobot(Path(source)):
+        return _from_lerobot(source, folder, robot=robot, task=task, action=action)
     policy = load_policy(source)
     spec = policy.spec
     if note := tier_note(spec):
         log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
-        key, chosen = env or key_of(spec), {**outside.checked_options(spec), **(options or {})}
-        where = EnvironmentReference(env=key, options=chosen)
-        return Pilot(policy, spec.robot, spec.task, _overrides(source, key, options), where)
+        where = EnvironmentReference(env=env or key_of(spec), options={**outside.checked_options(spec), **chosen})
+        return _pilot(policy, source, where, chosen, spec)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks: choose one with task=... Valid: {', '.join(known)}.")
-    robot, task, action = robot or spec.robot, task or spec.task, action or spec.action.level
-    said = _cell_overrides(source, robot, task, action)
-    return Pilot(policy, robot, task, said, _cell(robot, task, action, *_sight(policy)))
+    return _pilot(policy, source, _cell(policy, robot or spec.robot, task or spec.task, action or spec.action.level))
 
 
 def pilots_of(
@@ -121,16 +112,59 @@ def pilots_of(
     Args:
         policy: what flies. source: its name in errors. typed: ``env=`` as the user typed it.
     """
-    specs = (replace(policy.spec, task=task) for task in tasks_of(policy.spec))
-    return tuple(_pilot_in(spec, policy, source, typed) for spec in specs)
+    specs = [replace(policy.spec, task=task) for task in tasks_of(policy.spec)]
+    if policy.spec.is_outside:
+        return tuple(_pilot(policy, source, reference_of(spec, typed=typed), spec=spec) for spec in specs)
+    return tuple(_pilot(policy, source, _cell(policy, each.robot, each.task, each.action.level)) for each in specs)
 
 
-def _pilot_in(spec: EnvSpec, policy: ChunkPolicy, source: str, typed: str | None) -> Pilot:
-    if spec.is_outside:
-        where = reference_of(spec, typed=typed)
-        return Pilot(policy, spec.robot, spec.task, _overrides(source, str(where.env), None), where)
-    where = _cell(spec.robot, spec.task, spec.action.level, *_sight(policy))
-    return Pilot(policy, spec.robot, spec.task, (), where)
+def _pilot(
+    policy: Policy,
+    source: str,
+    where: EnvironmentReference,
+    options: Mapping[str, Any] | None = None,
+    spec: EnvSpec | None = None,
+) -> Pilot:
+    """Return a policy where it flies.
+
+    Args:
+        policy: what flies. source: as it was typed. where: the environment. options: those of it that were typed.
+        spec: of an environment from outside, where the policy has it.
+    """
+    robot, _, task = where.env.partition(":") if where.env else (str(where.robot), "", str(where.task))
+    said = (spelling.path("policy", source), *replace(where, options=options or {}).overrides)
+    return Pilot(policy, spec.robot if spec else robot, spec.task if spec else task, said, where)
+
+
+def _stating_nothing(source: str, robot: str | None, task: str | None, env: str | None, noise: float) -> Policy | None:
+    """Return a policy that says nothing of its environment: an expert, a baseline, or one of the user's own code."""
+    if typed_code.names_code(source):
+        return typed_code.policy_of(source)
+    if source.endswith(sb3_checkpoint.ENDING):
+        return sb3_checkpoint.Sb3Policy(source)
+    if source.endswith(".npz"):
+        if env is None:
+            raise InvalidValueError(f"policy={source} needs env=... too, e.g. env=gymnasium:AdroitHandDoor-v1.")
+        return load_expert(source, env, noise=noise)
+    if source == EXPERT:
+        if robot is None or task is None:
+            raise InvalidValueError(f"policy={source} needs robot=... and task=... too. See: aerial-il list")
+        return experts.make(robot, task)
+    return BASELINES[source]() if source in BASELINES else None
+
+
+def _place(
+    source: str, robot: str | None, task: str | None, action: str | None, env: str | None, options: Mapping[str, Any]
+) -> EnvironmentReference:
+    """Return the environment that was named for a policy that says nothing of one."""
+    if env is not None and source != EXPERT:
+        return EnvironmentReference(env=env, options=options)
+    if robot is None or task is None:
+        raise InvalidValueError(
+            f"policy={source} needs robot=... and task=..., or env=...: it does not state where it flies. "
+            "See: aerial-il list"
+        )
+    return EnvironmentReference(robot=robot, task=task, action=action)
 
 
 def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | None, action: str | None) -> Pilot:
@@ -138,35 +172,27 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
     from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
 
     policy = LerobotPolicy(folder)
-    told_robot, told_task = policy.cell or (None, None)
-    robot, task, action = robot or told_robot, task or told_task, action or DEFAULT_ACTION
+    stated_robot, stated_task = policy.cell or (None, None)
+    robot, task = robot or stated_robot, task or stated_task
     if robot is None or task is None:
         raise InvalidValueError(f"{source} does not state what it was trained on: set robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
-    where = _cell(robot, task, action, policy.cameras, policy.image_size or IMAGE_SIZE)
-    return Pilot(policy, robot, task, _cell_overrides(source, robot, task, action), where)
+    size = policy.image_size or IMAGE_SIZE
+    where = EnvironmentReference(
+        robot=robot, task=task, action=action or DEFAULT_ACTION, cameras=policy.cameras, image_size=size
+    )
+    return _pilot(policy, source, where)
 
 
-def _cell(
-    robot: str,
-    task: str,
-    action: str | None,
-    cameras: tuple[str, ...] = (),
-    image_size: tuple[int, int] = IMAGE_SIZE,
-) -> EnvironmentReference:
-    level = action or DEFAULT_ACTION
-    return EnvironmentReference(robot=robot, task=task, action=level, cameras=cameras, image_size=image_size)
-
-
-def _sight(policy: ChunkPolicy) -> tuple[tuple[str, ...], tuple[int, int]]:
-    """Return the cameras that ``policy`` looks through and the size of their images, all of them alike."""
+def _cell(policy: ChunkPolicy, robot: str, task: str, action: str) -> EnvironmentReference:
+    """Return a cell with the cameras that ``policy`` looks through and the size of their images, all of them alike."""
     layout = policy.interface.layout
     if not layout.images:
-        return (), IMAGE_SIZE
+        return EnvironmentReference(robot=robot, task=task, action=action)
     require_rendering(f"a policy that sees {layout.cameras}")
-    height, width = layout.image_shapes[0][:2]
-    return tuple(map(camera_name, layout.images)), (height, width)
+    cameras, (height, width) = tuple(map(camera_name, layout.images)), layout.image_shapes[0][:2]
+    return EnvironmentReference(robot=robot, task=task, action=action, cameras=cameras, image_size=(height, width))
 
 
 def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:
@@ -181,7 +207,7 @@ def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -
 
     with TemporaryDirectory() as folder:
         made = collect(env, policy, [seed], folder, policy_name=name, progress=False).folder
-        (flown,) = (found for kind in KINDS for found in made.files(kind))
+        (flown,) = (recording for kind in KINDS for recording in made.files(kind))
         file.parent.mkdir(parents=True, exist_ok=True)
         shutil.move(flown, file)
     return read_episode(file)
@@ -190,66 +216,10 @@ def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -
 def expert_flight(robot: str, task: str, tier: str = "calm") -> tuple[Episode, np.ndarray]:
     """Return the expert's flight of the first of a few seeds that it solves, and its sub-tasks (T, K)."""
     expert = pilot(EXPERT, robot=robot, task=task, action=None)
-    env = expert.environment(tier, num_envs=1, threads=1)
-    try:
-        with TemporaryDirectory() as folder:
-            flights = (
-                record(env, expert.policy, seed, Path(folder) / f"{seed}.mcap", name=EXPERT)
-                for seed in range(SEEDS_TRIED)
-            )
-            first = next(flights)
-            episode = first if first.success else next((flight for flight in flights if flight.success), first)
+    with closing(expert.environment(tier, num_envs=1, threads=1)) as env, TemporaryDirectory() as folder:
+        flights = (
+            record(env, expert.policy, seed, Path(folder) / f"{seed}.mcap", name=EXPERT) for seed in range(SEEDS_TRIED)
+        )
+        first = next(flights)
+        episode = first if first.success else next((flight for flight in flights if flight.success), first)
         return episode, subtask_flags(env, episode)
-    finally:
-        env.close()
-
-
-def _brought(source: str) -> Policy | None:
-    """Return a policy of the user's own code, or of Stable-Baselines3; None if ``source`` is neither."""
-    if typed_code.names_code(source):
-        return typed_code.policy_of(source)
-    if source.endswith(sb3_checkpoint.ENDING):
-        return sb3_checkpoint.Sb3Policy(source)
-    return None
-
-
-def _in_what_was_said(
-    policy: Policy,
-    source: str,
-    robot: str | None,
-    task: str | None,
-    action: str | None,
-    env: str | None,
-    options: dict[str, Any],
-) -> Pilot:
-    """Return a policy that says nothing of an environment in the one that was named."""
-    if env is not None:
-        name, _, inside = env.partition(":")
-        return Pilot(
-            policy, name, inside, _overrides(source, env, options), EnvironmentReference(env=env, options=options)
-        )
-    if robot is None or task is None:
-        raise InvalidValueError(
-            f"policy={source} does not state its environment: set robot=... and task=..., or env=..."
-        )
-    return Pilot(policy, robot, task, _cell_overrides(source, robot, task, action), _cell(robot, task, action))
-
-
-def _outsider(source: str, env: str | None, options: dict[str, Any], noise: float) -> Pilot:
-    """Return an expert from a file, or a baseline, in an environment from outside."""
-    if env is None:
-        raise InvalidValueError(f"policy={source} needs env=... too, e.g. env=gymnasium:AdroitHandDoor-v1.")
-    robot, _, task = env.partition(":")
-    policy = BASELINES[source]() if source in BASELINES else load_expert(source, env, noise=noise)
-    where = EnvironmentReference(env=env, options=options)
-    return Pilot(policy, robot, task, _overrides(source, env, options), where)
-
-
-def _overrides(source: str, env: str, options: Mapping[str, Any] | None) -> tuple[str, ...]:
-    chosen = (f"{name}={value}" for name, value in (options or {}).items())
-    return (spelling.path("policy", source), f"env={env}", *chosen)
-
-
-def _cell_overrides(source: str, robot: str, task: str, action: str | None) -> tuple[str, ...]:
-    chosen = (f"action={action}",) if action else ()
-    return (spelling.path("policy", source), f"robot={robot}", f"task={task}", *chosen)

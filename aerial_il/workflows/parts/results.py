@@ -25,10 +25,12 @@ class Written:
     note: str
 
 
-def save(result: EvaluationResult, folder: Path, *, env: BatchEnv, videos: int) -> Written:
+def save(result: EvaluationResult, folder: Path, *, env: BatchEnv, videos: int, progress: bool = False) -> Written:
     """Write evaluation.json, films of ``videos`` successes and failures each, and the page."""
     file = result.save(folder)
-    footage = film(env, result, folder / VIDEOS, successes=videos, failures=videos) if videos else Footage()
+    footage = Footage()
+    if videos:
+        footage = film(env, result, folder / VIDEOS, successes=videos, failures=videos, progress=progress)
     command = str(result.provenance.get("command", ""))
     page = write_report(folder / PAGE, result, footage=footage, command=command)
     return Written(Path(file), Path(page), footage.note)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,7 @@ from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
 from aerial_il.workflows.parts import demonstrations, pilots, results
+from aerial_il.workflows.parts.reading import AS_IT_SAYS, Reading
 
 if TYPE_CHECKING:
     import numpy as np
@@ -50,9 +52,15 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
         raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
     algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    limit = recorded.get("episodes") if path == recorded.get("path") else None
+    limit, reading = (
+        (recorded.get("episodes"), Reading(**recorded.get("reading", {})))
+        if path == recorded.get("path")
+        else (None, AS_IT_SAYS)
+    )
     divided = algorithm.divide(
-        demonstrations.open_demonstrations(path, limit=limit, images=policy.images, failures=algorithm.failures),
+        demonstrations.open_demonstrations(
+            path, limit=limit, images=policy.images, failures=algorithm.failures, reading=reading
+        ),
         policy,
         seed=run.seed,
     )
@@ -97,8 +105,8 @@ def footage(run: TrainingRun, videos: int) -> Footage:
     if not run.finished:
         return Footage(note="No films: the run is not finished.")
     for name, result in run.judged.items():
-        if result.policy == str(run.path) and (found := results.footage_of(run.path / name, result)).clips:
-            return found
+        if result.policy == str(run.path) and (kept := results.footage_of(run.path / name, result)).clips:
+            return kept
     return _flown(run, videos) if videos else Footage()
 
 
@@ -111,20 +119,17 @@ def _flown(run: TrainingRun, videos: int) -> Footage:
         flown = pilots.pilots_of(policy, str(run.path))
         folder = run.path / results.VIDEOS
         places = [folder / pilot.task for pilot in flown] if len(flown) > 1 else [folder]
-        found = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(flown, places, strict=True)]
+        films = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(flown, places, strict=True)]
     except AerialError as error:
         return Footage(note=f"No films: {error}")
-    return Footage(tuple(clip for footage in found for clip in footage.clips), found[0].note)
+    return Footage(tuple(clip for footage in films for clip in footage.clips), films[0].note)
 
 
 def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
     """Film the first successes and failures of a few flights, ``videos`` of each."""
     from aerial_il.evaluation.rollouts import evaluate
 
-    env = pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)
-    try:
-        seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+    seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
+    with closing(pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)) as env:
         result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=False)
         return film(env, result, folder, successes=videos, failures=videos)
-    finally:
-        env.close()

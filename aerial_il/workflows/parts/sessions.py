@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from aerial_il.core.files import write_atomic
+from aerial_il.core.places import claim_file
 from aerial_il.presentation.pages.session import PAGE, session_page
 from aerial_il.workflows import spelling
 from aerial_il.workflows.spelling import command_line
@@ -19,4 +20,4 @@ def summary(folder: str) -> str:
 
 def write_summary(folder: str, out: str | None = None) -> Path:
     """Write that page, beside the recordings unless ``out`` says where else."""
-    return write_atomic(out or Path(folder) / PAGE, summary(folder))
+    return write_atomic(claim_file(out or Path(folder) / PAGE), summary(folder))

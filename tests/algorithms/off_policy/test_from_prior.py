@@ -47,7 +47,7 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def chunked(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    policy = MLP(hidden=(16,), chunk=3, anchor=None, blind_to=())
+    policy = MLP(hidden=(16,), chunk=3, anchor=None, masked_fields=())
     return cloned(tmp_path_factory.mktemp("chunked") / "run", policy)
 
 
@@ -74,7 +74,7 @@ def test_in_the_warm_up_the_prior_flies_and_critics_learn(tmp_path: Path, name: 
     np.testing.assert_array_equal(taken[160], load_policy(prior).act(obs))
     assert not np.array_equal(taken[320], taken[160]), "the actor learns when the warm-up is over"
     rows = (read_metrics(tmp_path / run) for run in ("started", "random"))
-    first, aimless = (next(row for row in found if "episode/return" in row) for found in rows)
+    first, aimless = (next(row for row in result if "episode/return" in row) for result in rows)
     assert first["episode/return"] > aimless["episode/return"] + 1.0
     assert "critic/loss" in first
     assert "actor/loss" not in first

@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 import torch
 
+from aerial_il.algorithms.on_policy.actor_critic import ActorCritic
 from aerial_il.algorithms.on_policy.advantages import Judged
 from aerial_il.algorithms.on_policy.chunk_actor import ChunkActor
 from aerial_il.algorithms.on_policy.cut_short import cut_short
 from aerial_il.algorithms.on_policy.decisions import Decisions
 from aerial_il.algorithms.on_policy.gate import ReturnGate
-from aerial_il.algorithms.on_policy.loop import Agent, judged
+from aerial_il.algorithms.on_policy.loop import judged
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.ppo import PPO
@@ -23,7 +24,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork
 from tests.algorithms.drift import SPEC, Drift
 
-PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, blind_to=())
+PLAIN = MLP(hidden=(8,), chunk=4, anchor=None, masked_fields=())
 
 
 class Seen:
@@ -33,7 +34,7 @@ class Seen:
         return obs[..., 0]
 
 
-SEEN = cast(Agent, Seen())
+SEEN = cast(ActorCritic, Seen())
 
 
 def advantages(decided: list[int], values: np.ndarray, after: np.ndarray, rewards: np.ndarray, **ends: Any) -> Judged:
@@ -42,28 +43,28 @@ def advantages(decided: list[int], values: np.ndarray, after: np.ndarray, reward
     flags = [np.isin(steps, which)[:, None] for which in (decided, ends.get("terminal", ()), ends.get("truncated", ()))]
     seen, led = (numbers[:, None, None] for numbers in (values, after))
     rollout = Decisions(seen, flags[0], np.zeros((6, 1, 1)), led, rewards[:, None], *flags[1:])
-    found = judged(rollout, rollout.rewards, 0.0, SEEN, chosen)
-    assert found is not None
-    return found
+    result = judged(rollout, rollout.rewards, 0.0, SEEN, chosen)
+    assert result is not None
+    return result
 
 
 def test_a_decision_has_the_value_of_what_is_paid_until_the_next() -> None:
     """Decisions at steps 0, 2 and 5, each step paid its number; the last decision is cut by the rollout's end."""
     values = np.arange(10.0, 16.0)
-    found = advantages([0, 2, 5], values, values + 1.0, np.arange(6.0))  # a step's end is worth the next one's start
+    result = advantages([0, 2, 5], values, values + 1.0, np.arange(6.0))  # a step's end is worth the next one's start
     last = 5 + 0.5 * 16 - 15
     second = 2 + 0.5 * 3 + 0.25 * 4 + 0.125 * 15 - 12 + 0.8 * 0.125 * last
     first = 0 + 0.5 * 1 + 0.25 * 12 - 10 + 0.8 * 0.25 * second
-    np.testing.assert_allclose(found.data.advantages, [first, second, last], rtol=1e-6)
-    np.testing.assert_array_equal(found.data.next_obs[:, 0], [12, 15, 16])
-    np.testing.assert_allclose(found.data.targets, found.data.advantages + torch.tensor([10.0, 12.0, 15.0]))
-    assert found.value == pytest.approx(37 / 3)
+    np.testing.assert_allclose(result.data.advantages, [first, second, last], rtol=1e-6)
+    np.testing.assert_array_equal(result.data.next_obs[:, 0], [12, 15, 16])
+    np.testing.assert_allclose(result.data.targets, result.data.advantages + torch.tensor([10.0, 12.0, 15.0]))
+    assert result.value == pytest.approx(37 / 3)
 
 
 @pytest.mark.parametrize(("kind", "value"), [("terminal", 0.0), ("truncated", 7.0)])
 def test_nothing_follows_an_end_but_the_critic_speaks_of_a_cut(kind: str, value: float) -> None:
-    found = advantages([0, 2], np.zeros(6), np.full(6, 7.0), np.ones(6), gae_lambda=1.0, **{kind: (1,)})
-    assert found.data.advantages[0] == pytest.approx(1 + 0.5 + 0.25 * value), "whatever comes in the next episode"
+    result = advantages([0, 2], np.zeros(6), np.full(6, 7.0), np.ones(6), gae_lambda=1.0, **{kind: (1,)})
+    assert result.data.advantages[0] == pytest.approx(1 + 0.5 + 0.25 * value), "whatever comes in the next episode"
 
 
 def test_a_single_decision_is_compared_with_nothing() -> None:
@@ -97,7 +98,7 @@ def test_the_divergence_of_two_actors_is_that_of_their_gaussians() -> None:
     one, other, obs = actor(), actor(deviation=0.3), torch.randn(5, 1, 2)
     with torch.no_grad():
         other.network.layers[-1].bias.add_(0.1)
-    found = one.divergence(one.distribution(obs), other.distribution(obs))
+    result = one.divergence(one.distribution(obs), other.distribution(obs))
     cov = 0.9 ** (torch.arange(3)[:, None] - torch.arange(3)).abs()
     apart = (one.distribution(obs)[0] - other.distribution(obs)[0]).transpose(1, 2)
     wanted = torch.zeros(5)
@@ -107,7 +108,7 @@ def test_the_divergence_of_two_actors_is_that_of_their_gaussians() -> None:
             for mean, scale in ((apart[:, element], 0.2), (torch.zeros(5, 3), 0.3))
         )
         wanted += torch.distributions.kl_divergence(*pair)
-    torch.testing.assert_close(found, wanted, rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(result, wanted, rtol=1e-3, atol=1e-3)
     assert one.divergence(one.distribution(obs), one.distribution(obs)).abs().max() < 1e-5
 
 
@@ -182,9 +183,9 @@ def test_short_rollouts_are_judged_together() -> None:
 def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
     one = actor()
     gate, other = (ReturnGate(one, 1, errors=2.0) for _ in range(2))
-    quick, usual, worse = returns(*[1.0] * 20), returns(*[1.0, 0.0] * 30), returns(*[0.0] * 20)
+    quick, default, worse = returns(*[1.0] * 20), returns(*[1.0, 0.0] * 30), returns(*[0.0] * 20)
     assert not gate.passes(*quick, warming_up=True)
-    assert gate.passes(*usual, warming_up=False), "the weights are the prior's still"
+    assert gate.passes(*default, warming_up=False), "the weights are the prior's still"
     weight = one.network.layers[-1].bias
     first = weight.detach().clone()
     move(weight)
@@ -192,7 +193,7 @@ def test_a_prior_is_not_held_to_its_quickest_episodes() -> None:
     torch.testing.assert_close(weight.detach(), first)
     other.restore(gate.snapshot())
     for resumed in (gate, other):
-        assert resumed.passes(*usual, warming_up=False), "back at the prior, it goes on to learn"
+        assert resumed.passes(*default, warming_up=False), "back at the prior, it goes on to learn"
         move(weight)
         assert not resumed.passes(*worse, warming_up=False)
 

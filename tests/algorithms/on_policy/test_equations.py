@@ -62,7 +62,7 @@ def test_clipped_gradients_lead_back_but_not_further(ratio: float, better: bool,
 
 # -- dapg
 
-POLICY = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, blind_to=())
+POLICY = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, masked_fields=())
 FLOWN = 12
 
 
@@ -111,10 +111,10 @@ def test_demonstrations_weigh_a_share_of_the_best_advantage(clone: ChunkPolicy) 
     weights = []
     for improve, weight in ((False, 0.5), (True, 0.5), (False, 0.125), (True, 0.125), (True, 0.03125)):
         data = flown(agent, advantages).data
-        found, gains = agent.gain(data), data.standardised
+        result, gains = agent.gain(data), data.standardised
         own = (density(agent, data.obs, data.raw) * gains).mean()
         likely = density(agent, seen, drawn).sum() / FLOWN
-        assert found.item() == pytest.approx((own + weight * gains.max() * likely).item(), rel=1e-3)
+        assert result.item() == pytest.approx((own + weight * gains.max() * likely).item(), rel=1e-3)
         metrics = agent.learn(flown(agent, advantages), left=1.0, improve=improve)
         weights += [metrics["actor/demonstrations"]] if improve else []
     assert weights == [0.5, 0.125, 0.03125]
@@ -127,10 +127,10 @@ def test_what_is_shown_are_chunks_and_what_was_seen_before_them(clone: ChunkPoli
         (np.concatenate([d.obs[k] for k in ("position", "goal")], 1), d.executed_actions) for d in demonstrations(4)
     ]
     wanted = np.array([[*obs[t], *actions[t : t + 3, 0]] for obs, actions in flights for t in range(10)])
-    found = np.concatenate([clone.interface.obs.denormalise(seen), clone.interface.action.denormalise(drawn)], axis=1)
-    for rows in (wanted, found):
+    result = np.concatenate([clone.interface.obs.denormalise(seen), clone.interface.action.denormalise(drawn)], axis=1)
+    for rows in (wanted, result):
         rows[:] = rows[np.lexsort(rows.round(4).T)]
-    np.testing.assert_allclose(found, wanted, atol=1e-4)
+    np.testing.assert_allclose(result, wanted, atol=1e-4)
 
 
 def test_each_turn_shows_so_many_windows_and_the_next_others(
@@ -202,9 +202,9 @@ def pull(agent: AnchoredActorCritic) -> Tensor:
 
 def test_the_pull_to_the_prior_is_zero_there() -> None:
     agent = anchored(kl=3.0)
-    found = pull(agent)
-    slopes = torch.autograd.grad(found, list(agent.actor.parameters()), allow_unused=True)
-    assert found.item() == pytest.approx(0.0, abs=1e-7)
+    result = pull(agent)
+    slopes = torch.autograd.grad(result, list(agent.actor.parameters()), allow_unused=True)
+    assert result.item() == pytest.approx(0.0, abs=1e-7)
     assert max(slope.abs().max().item() for slope in slopes if slope is not None) < 1e-6
 
 
@@ -212,10 +212,10 @@ def test_the_pull_to_the_prior_is_zero_there() -> None:
 def test_elsewhere_the_pull_is_the_divergence_and_leads_back(centre: float) -> None:
     agent = anchored(kl=3.0)
     move_actor(agent.actor, [centre], math.log(0.8))
-    found, moved = pull(agent), math.atanh(centre) - math.atanh(0.2)
-    now, begun = (torch.distributions.Normal(m, s) for m, s in ((moved, 0.8), (0.0, 0.5)))
-    assert found.item() == pytest.approx(3.0 * torch.distributions.kl_divergence(now, begun).item(), rel=1e-4)
-    (slope,) = torch.autograd.grad(found, agent.actor.mean.bias)
+    result, moved = pull(agent), math.atanh(centre) - math.atanh(0.2)
+    now, started = (torch.distributions.Normal(m, s) for m, s in ((moved, 0.8), (0.0, 0.5)))
+    assert result.item() == pytest.approx(3.0 * torch.distributions.kl_divergence(now, started).item(), rel=1e-4)
+    (slope,) = torch.autograd.grad(result, agent.actor.mean.bias)
     assert slope.item() == pytest.approx(3.0 * moved / 0.5**2, rel=1e-4), "against it, a step leads back"
 
 

@@ -28,7 +28,7 @@ from tests.algorithms.made import made
 NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), FromClone)]
 CHUNKED = [n for n in NAMES if hasattr(algorithms.get(n), "exploration")]
 each, each_chunked = pytest.mark.parametrize("name", NAMES), pytest.mark.parametrize("name", CHUNKED)
-PLAIN: dict[str, Any] = {"anchor": None, "blind_to": ()}
+PLAIN: dict[str, Any] = {"anchor": None, "masked_fields": ()}
 POLICY = MLP(hidden=(16,), chunk=3, history=2, execute=3, ensemble=None, **PLAIN)
 CLONING = BC(steps=200, batch_size=64, lr=3e-3, warmup_steps=10, ema=0.9, validation=0.0)
 SMALL: dict[str, Any] = {"steps": 640, "warmup": 128, "rollout": 128, "batch_size": 16, "lr": 1e-3, "gamma": 0.9}

@@ -32,19 +32,19 @@ def prior(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def flights(policy: Any) -> np.ndarray:
     """What it answers in the first steps of some flights."""
-    env, found = Drift(20), []
+    env, result = Drift(20), []
     obs = env.reset(0)
     policy.reset()
     for _ in range(5):
-        found.append(policy.act(obs))
-        obs = env.step(found[-1]).obs
-    return np.stack(found)
+        result.append(policy.act(obs))
+        obs = env.step(result[-1]).obs
+    return np.stack(result)
 
 
 @each_chunked
 def test_what_flies_worse_than_the_prior_is_not_handed_over(tmp_path: Path, name: str, prior: Path) -> None:
     """Neither on the way nor in the end; without trials it is."""
-    begun, judged = load_policy(prior), list[float]()
+    started, judged = load_policy(prior), list[float]()
 
     def evaluate(policy: Any, step: int) -> dict[str, float]:
         judged.append(mean_reward(policy))
@@ -52,14 +52,14 @@ def test_what_flies_worse_than_the_prior_is_not_handed_over(tmp_path: Path, name
 
     ruined = {**RUINOUS, "prior": str(prior), "evaluate_every": 128, "evaluate": evaluate}
     kept = train(name, tmp_path / "kept", **ruined, **TRIAL)
-    np.testing.assert_array_equal(flights(kept), flights(begun))
+    np.testing.assert_array_equal(flights(kept), flights(started))
     assert judged == [judged[0]] * len(judged)
     assert len(judged) >= 3
     trials = [row for row in read_metrics(tmp_path / "kept") if "trial/return" in row]
     assert trials
     assert all(row["trial/return"] < row["trial/prior"] for row in trials)
     lost = train(name, tmp_path / "lost", **ruined, trial=0)
-    assert mean_reward(lost) < mean_reward(begun) - 0.05
+    assert mean_reward(lost) < mean_reward(started) - 0.05
 
 
 def test_that_nothing_was_handed_over_is_said(tmp_path: Path, prior: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -42,27 +42,27 @@ def events(run: Path) -> list[tuple[int, str, float]]:
     """Return what TensorBoard's files say, read by the framing that TensorFlow gives its records."""
     from tensorboardX.proto.event_pb2 import Event  # pyright: ignore[reportAttributeAccessIssue]
 
-    found = []
+    result = []
     for file in sorted((run / "tensorboard").glob("events*")):
         raw, place = file.read_bytes(), 0
         while place < len(raw):
             length = int.from_bytes(raw[place : place + 8], "little")
             event = Event.FromString(raw[place + 12 : place + 12 + length])
-            found += [(event.step, value.tag, value.simple_value) for value in event.summary.value]
+            result += [(event.step, value.tag, value.simple_value) for value in event.summary.value]
             place += length + 16
-    return found
+    return result
 
 
 def of_wandb(run: Path) -> list[tuple[int, str, float]]:
     """Return what the file of Weights & Biases' offline mode says, read by its own messages."""
     record: Any = importlib.import_module("wandb.proto.wandb_internal_pb2")
     (file,) = (run / "wandb").glob("offline-run-*/*.wandb")
-    found = []
+    result = []
     for told in map(record.Record.FromString, leveldb_log(file.read_bytes())):
         values = {item.key or "/".join(item.nested_key): item.value_json for item in told.history.item}
         step = int(values.get("_step", 0))
-        found += [(step, name, json.loads(text)) for name, text in values.items() if not name.startswith("_")]
-    return found
+        result += [(step, name, json.loads(text)) for name, text in values.items() if not name.startswith("_")]
+    return result
 
 
 def leveldb_log(raw: bytes) -> Iterator[bytes]:

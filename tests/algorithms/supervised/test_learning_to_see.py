@@ -20,6 +20,7 @@ from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.survey import Survey
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import Seen
 from tests.algorithms.point_mass import demonstrations
@@ -142,7 +143,7 @@ def test_images_that_will_not_fit_are_refused_with_their_size(
     loaders = {str(i): lambda i=i: read.append(i) or demos[0] for i in range(1000)}
     monkeypatch.setattr(training_set, "free_memory_bytes", lambda: 2**24)
     with pytest.raises(InvalidValueError, match=r"wrist_rgb of 1000 episodes take about 0\.\d GiB.*0\.0 GiB are free"):
-        read_demos(Dataset(Path("demos"), loaders), EYES)
+        read_demos(Dataset(Path("demos"), Survey(loaders)), EYES)
     assert len(read) <= 1 + AHEAD, "no more than what is read ahead"
 
 

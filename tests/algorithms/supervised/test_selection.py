@@ -73,9 +73,9 @@ def test_failed_flights_count_as_much_as_is_said(demos: list[Episode]) -> None:
     np.testing.assert_array_equal(weights, [1, 1, 1, 1, 0.5, 0.5])
     for failures, count in ((0.0, 4), (0.5, 6)):
         cloning = BC(selection=replace(EVERYONE, failures=failures), validation=0.0)
-        divided = cloning.divide(mixed, MLP(chunk=4, blind_to=()), seed=0)
+        divided = cloning.divide(mixed, MLP(chunk=4, masked_fields=()), seed=0)
         assert len(divided.kept) == count
-    labelled = BC(validation=0.0).divide(mixed, MLP(chunk=4, blind_to=()), seed=0, failures=True)
+    labelled = BC(validation=0.0).divide(mixed, MLP(chunk=4, masked_fields=()), seed=0, failures=True)
     assert (labelled.weights == 1).all()
 
 
@@ -108,7 +108,7 @@ def test_windows_are_visited_as_often_as_they_weigh() -> None:
 
 
 def test_weights_reach_the_windows_and_the_digest(demos: list[Episode]) -> None:
-    config = MLP(chunk=4, blind_to=())
+    config = MLP(chunk=4, masked_fields=())
     layout, kept = read_demos(demos, config)
     windows = cut_windows(kept, layout, config)
     assert window_weights(np.ones(6), windows) is None

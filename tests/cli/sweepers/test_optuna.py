@@ -80,9 +80,9 @@ def test_a_search_that_is_killed_ends_with_the_same_trials(tmp_path: Path) -> No
     done = subprocess.run([*aerial_il, *WORDS], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "Best of" in done.stdout
-    found = trials(tmp_path / "search")
-    assert [params for _, _, params, _ in found] == [params for _, _, params, _ in whole]
-    assert len(found) == 6
-    both = [(a[3], b[3]) for a, b in zip(found, whole, strict=True) if a[1] == b[1] == "COMPLETE"]
+    result = trials(tmp_path / "search")
+    assert [params for _, _, params, _ in result] == [params for _, _, params, _ in whole]
+    assert len(result) == 6
+    both = [(a[3], b[3]) for a, b in zip(result, whole, strict=True) if a[1] == b[1] == "COMPLETE"]
     assert both
     assert all(a == b for a, b in both)

@@ -24,6 +24,7 @@ from aerial_il.cli.words import LAUNCHER, read
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from tests.patience import HANG_S
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 HOVER = ("robot=quad", "task=hover", "progress=false", "num_envs=2")
 
 
@@ -33,22 +34,22 @@ def collect(folder: Path, *more: str) -> Job:
 
 def digests(folder: Path) -> dict[str, str]:
     """Return each recording of a dataset with its SHA-256; there must be some."""
-    found = {file.name: sha256(file.read_bytes()).hexdigest() for file in sorted(folder.glob("demos/*.mcap"))}
-    assert found
-    return found
+    result = {file.name: sha256(file.read_bytes()).hexdigest() for file in sorted(folder.glob("demos/*.mcap"))}
+    assert result
+    return result
 
 
 @pytest.mark.parametrize("abreast", [2, pytest.param(1, marks=pytest.mark.slow)])
 def test_launchers_give_the_same_bytes(tmp_path: Path, abreast: int) -> None:
-    found = []
+    result = []
     for name, launcher in (("serial", serial.Serial()), ("processes", processes.Processes(jobs=abreast))):
         jobs = [collect(tmp_path / name / f"seed={seed}", "episodes=2", f"seed={seed}") for seed in (0, 2)]
         board = Board(jobs)
         launcher.launch(jobs, board)
         assert [outcome.state for outcome in board.outcomes.values()] == ["finished"] * 2, board.table()
-        found.append([digests(Path(job.folder)) for job in jobs])
-    assert found[0] == found[1]
-    assert found[0][0] != found[0][1]
+        result.append([digests(Path(job.folder)) for job in jobs])
+    assert result[0] == result[1]
+    assert result[0][0] != result[0][1]
 
 
 def test_a_job_that_is_killed_or_wrong_does_not_stop_the_others(
@@ -131,13 +132,13 @@ def test_ctrl_c_stops_the_jobs_and_says_how_to_continue(tmp_path: Path) -> None:
 
 def open_files() -> list[str]:
     """Return the files that any process of ours has open."""
-    found = []
+    result = []
     for link in Path("/proc").glob("[0-9]*/fd/*"):
         try:
-            found.append(os.readlink(link))
+            result.append(os.readlink(link))
         except OSError:
             continue
-    return found
+    return result
 
 
 def test_words_choose_a_launcher() -> None:
@@ -159,22 +160,6 @@ def test_words_choose_a_launcher() -> None:
 def test_a_launcher_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "run=x", "launcher=processes"]) == 2
     assert "add -m" in capsys.readouterr().err
-
-
-def test_a_board_in_a_log_tells_what_jobs_said_last(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("aerial_il.cli.sweeps.board._LINES_EVERY_S", 0.0)
-    job = Job("train", (), str(tmp_path))
-    job.log.write_bytes(b"begun\ntrain: 10 %\rtrain: 20 %\n")
-    board = Board([job])
-    board.started(job)
-    board.refresh()
-    assert "train: 20 %" in capsys.readouterr().err
-    job.log.write_bytes(b"aerial-il: the reason\nlast words\n")
-    board.ended(job, 2)
-    assert board.failed[0].reason == "the reason"
-    assert board.status == 2
 
 
 def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:

@@ -47,11 +47,11 @@ def step(robot: str, law: str, kind: str) -> StepFigures:
 @each_law
 @pytest.mark.parametrize("kind", ["position", "yaw"])
 def test_a_step_response_keeps_to_its_bounds(robot: str, law: str, kind: str) -> None:
-    found, (rise, overshoot, settling) = step(robot, law, kind), BOUNDS[law][kind]
-    assert found.rise_s <= rise
-    assert found.overshoot_percent <= overshoot
-    assert found.settling_s <= settling
-    assert found.offset_percent < 2.0
+    result, (rise, overshoot, settling) = step(robot, law, kind), BOUNDS[law][kind]
+    assert result.rise_s <= rise
+    assert result.overshoot_percent <= overshoot
+    assert result.settling_s <= settling
+    assert result.offset_percent < 2.0
 
 
 @each_robot

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import h5py
@@ -77,3 +79,27 @@ def test_a_specification_of_before_a_key_was_added_is_read(file: Path) -> None:
         older = {key: value for key, value in json.loads(attributes["spec"]).items() if key != "options"}
         attributes["spec"], attributes["digest"] = json.dumps(older), content_digest(episode, older)
     assert episodes_equal(open_dataset(file)[0], episode)
+
+
+FULL = """
+import resource, sys
+from aerial_il.core.errors import StorageError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.data.formats import d4rl, minari, robomimic
+dataset = open_dataset(sys.argv[1])
+resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 18, 1 << 18))
+for form, out in ((robomimic, "a.hdf5"), (d4rl, "b.hdf5"), (minari, "c-v0")):
+    try:
+        form.write(dataset, __import__("pathlib").Path(sys.argv[2]) / out)
+    except StorageError as error:
+        print(error)
+"""
+
+
+def test_a_disk_that_fills_up_ends_with_a_word(folder: DatasetFolder, tmp_path: Path) -> None:
+    """A limit on the size of files refuses as a full disk does; the process must survive it."""
+    words = [sys.executable, "-c", FULL, str(folder.path), str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert [Path(line.split(":")[0]).name for line in done.stdout.splitlines()] == ["a.hdf5", "b.hdf5", "c-v0"]
+    assert not list(tmp_path.iterdir())

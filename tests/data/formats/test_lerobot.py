@@ -235,7 +235,7 @@ def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_pat
     victim = copy.files()[-1]
     victim.write_bytes(victim.read_bytes()[:-1])
     with pytest.raises(DemoError, match=victim.name):
-        write(open_dataset(copy.path), older)
+        write(open_dataset(copy.path, strict=True), older)
     assert len(open_dataset(older)) == len(copy.files())
     assert [p.name for p in older.parent.iterdir()] == ["lerobot"]
 
@@ -257,5 +257,5 @@ def test_a_kill_while_replacing_gives_the_older_one_back(folder: DatasetFolder, 
     copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
     copy.files()[-1].write_bytes(b"damaged")
     with pytest.raises(DemoError):
-        write(open_dataset(copy.path), tmp_path / "lerobot")
+        write(open_dataset(copy.path, strict=True), tmp_path / "lerobot")
     assert len(open_dataset(tmp_path / "lerobot")) == len(folder.files())

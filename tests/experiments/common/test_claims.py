@@ -49,20 +49,20 @@ def test_it_holds_where_intervals_overlap(
 ) -> None:
     root = told(tmp_path, [recorded], {**CHECK, "settings": {}})
     (check,) = checks_of("made_up", root)
-    (found,) = judged("made_up", check, {"tables": {"Success": [now]}}, root)
-    assert found["verdict"] == verdict
+    (result,) = judged("made_up", check, {"tables": {"Success": [now]}}, root)
+    assert result["verdict"] == verdict
 
 
 def test_an_error_of_the_small_version_does_not_pass_for_holding(tmp_path: Path) -> None:
     root = told(tmp_path, [row(98, 95, 99)], {**CHECK, "settings": {}})
-    (found,) = judged("made_up", checks_of("made_up", root)[0], {"error": "OSError: full"}, root)
-    assert (found["verdict"], found["note"]) == (BROKEN, "OSError: full")
+    (result,) = judged("made_up", checks_of("made_up", root)[0], {"error": "OSError: full"}, root)
+    assert (result["verdict"], result["note"]) == (BROKEN, "OSError: full")
 
 
 def test_what_is_not_checked_names_the_whole_command(tmp_path: Path) -> None:
     root = told(tmp_path, [row(98, 95, 99)], CHECK)
-    (found,) = checked(["made_up"], tmp_path / "out", root=root, abreast=0)
-    assert (found["verdict"], found["note"]) == (UNCHECKED, "aerial-il bench made_up save=true")
+    (result,) = checked(["made_up"], tmp_path / "out", root=root, abreast=0)
+    assert (result["verdict"], result["note"]) == (UNCHECKED, "aerial-il bench made_up save=true")
 
 
 def test_rows_of_one_name_are_pooled_by_their_counts(tmp_path: Path) -> None:
@@ -83,8 +83,8 @@ def test_a_false_figure_of_a_real_study_is_found_out(error_cm: float | None, ver
     for each in rows:
         each["rmse_cm"] += error_cm or 0.0
     root = told(tmp_path / "root", rows, check, "tracking")
-    found = checked(["tracking"], tmp_path / "out", root=root, abreast=0)
-    assert [each["verdict"] for each in found] == [verdict]
+    result = checked(["tracking"], tmp_path / "out", root=root, abreast=0)
+    assert [each["verdict"] for each in result] == [verdict]
 
 
 @pytest.mark.parametrize("name", CLAIMED)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import aerial_il
 from aerial_il.algorithms.bc import BC
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from experiments.common.report import Report
@@ -56,26 +54,6 @@ def test_each_size_takes_the_first_of_its_draw(report: Report, folder: Path) -> 
         (dataset,) = folder.glob(f"datasets/ua_quad_arm4-reach-calm/{draw}-*")
         demos = aerial_il.open_dataset(str(dataset))
         assert [episode.provenance["seed"] for episode in demos] == [100_000 * draw, 100_000 * draw + 1]
-
-
-def test_what_is_done_is_not_done_again(report: Report, folder: Path) -> None:
-    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file()}
-    again = TINY.run(folder, progress=False)
-    assert {path: path.stat().st_mtime_ns for path in before} == before
-    assert again.tables == report.tables
-    assert again.wall_time_s == report.wall_time_s
-
-
-def test_a_lost_stage_is_done_again_with_the_same_result(report: Report, folder: Path) -> None:
-    for file in folder.glob("evaluations/*/*/2/1/calm-*/evaluation.json"):
-        file.unlink()
-    again = TINY.run(folder, progress=False)
-    assert again.tables == report.tables
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="start at 1"):
-        replace(TINY, sizes=())
 
 
 def test_the_interval_over_trainings_is_the_wider() -> None:

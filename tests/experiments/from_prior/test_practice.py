@@ -1,9 +1,10 @@
-"""What practice brought is told round by round, and no dip below the prior on the way is missed."""
+"""What practice brought is told round by round and seed by seed, and no dip below the prior is missed."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,7 +16,8 @@ from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
 from experiments.common.practised import Continued, Practised
 from experiments.common.stages import Cloned, trained_s
-from experiments.from_prior.practice import Arm, Practice, by_training, largest_dip, spread_evenly
+from experiments.from_prior.gains import gain_row, is_gain
+from experiments.from_prior.practice import Arm, Practice, by_training, largest_dip
 
 
 def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
@@ -26,14 +28,6 @@ def rounds(*first: float, flown: int = 1000) -> list[dict[str, Any]]:
 @pytest.mark.parametrize(("percent", "dip"), [((50, 60), 0.0), ((50, 44, 90), 6.0), ((50, 52, 0), 50.0)])
 def test_the_dip_is_the_largest_on_the_way_however_it_ends(percent: tuple[float, ...], dip: float) -> None:
     assert largest_dip(rounds(*percent)) == dip
-
-
-def test_of_many_rounds_some_are_listed() -> None:
-    rounds = [{"round": number} for number in range(1, 246)]
-    listed = [row["round"] for row in spread_evenly(rounds, 16)]
-    assert (listed[0], listed[-1], len(set(listed))) == (1, 245, 16)
-    assert spread_evenly(rounds[:3], 16) == rounds[:3]
-    assert spread_evenly([], 16) == []
 
 
 def test_practice_after_practice_counts_both(tmp_path: Path) -> None:
@@ -126,3 +120,19 @@ def test_a_dip_is_that_of_flights_on_the_way(rates: tuple[float, ...], dip: floa
     assert (row["dip"], row["exploring_dip"]) == (dip and pytest.approx(dip), 20.0)
     assert target.measured == pytest.approx(20.0 if dip is None else dip)
     assert target.met == (dip == 3.0)
+
+
+def flights(*solved: int, count: int = 20) -> Any:
+    return SimpleNamespace(episodes=[SimpleNamespace(seed=seed, success=seed in solved) for seed in range(count)])
+
+
+def test_flights_are_compared_seed_by_seed_within_each_training() -> None:
+    """Two trainings; on seed 1 the first wins and the second loses, which is not nothing."""
+    row = gain_row([(flights(0), flights(0, 1, 2)), (flights(1, 5), flights(5))])
+    assert row == {"before": 7.5, "after": 10.0, "won": 2, "lost": 1, "p": 1.0}
+
+
+@pytest.mark.parametrize(("won", "lost", "gained"), [(9, 0, True), (5, 0, False), (0, 9, False), (0, 0, False)])
+def test_a_gain_is_more_than_luck(won: int, lost: int, gained: bool) -> None:
+    row = gain_row([(flights(*range(10, 10 + lost)), flights(*range(won)))])
+    assert (row["won"], row["lost"], is_gain(row)) == (won, lost, gained)

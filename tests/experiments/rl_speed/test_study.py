@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from aerial_il import algorithms
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from experiments.rl_speed.study import RlSpeed, online_algorithms
 
 
@@ -23,8 +22,8 @@ def test_every_algorithm_that_flies_while_it_learns_is_timed() -> None:
 def test_only_the_length_is_changed_of_what_ships(name: str, tmp_path: Path) -> None:
     settings = RlSpeed(steps=100).settings(name, tmp_path)
     changed = ("steps", "warmup", "offline_steps", "bc_pretrain_steps", "prior", "cadence")
-    usual = {key: getattr(algorithms.get(name)(), key) for key in changed if hasattr(settings, key)}
-    assert replace(settings, **usual) == algorithms.get(name)()
+    default = {key: getattr(algorithms.get(name)(), key) for key in changed if hasattr(settings, key)}
+    assert replace(settings, **default) == algorithms.get(name)()
     stretch = settings.cadence.evaluate_every
     assert settings.steps == 2 * stretch
     assert not hasattr(settings, "rollout") or stretch >= settings.rollout.steps
@@ -48,10 +47,3 @@ def test_end_to_end(name: str, parts: tuple[str, ...], tmp_path: Path) -> None:
         "Robot: floating_gripper, demonstrated by its scripted expert without noise 1 times"
     )
     json.dumps(report.to_dict(), allow_nan=False)
-
-
-def test_impossible_settings_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match="flies while it learns"):
-        RlSpeed(algorithms=("bc",))
-    with pytest.raises(InvalidValueError, match="start at 1"):
-        RlSpeed(repetitions=0)

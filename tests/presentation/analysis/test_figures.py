@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from IPython.core.formatters import DisplayFormatter
 from matplotlib.axes import Axes
 from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
@@ -80,12 +79,6 @@ def test_a_paired_comparison_counts_seeds_and_refuses_others() -> None:
     assert "p = 1" in difference.get_title()
     with pytest.raises(InvalidValueError, match="same seeds"):
         analysis.paired_comparison(a, evaluated([True] * 4, first=20000))
-
-
-def test_a_notebook_draws_what_is_returned_without_pyplot() -> None:
-    shell = DisplayFormatter()
-    data, _ = shell.format(analysis.success({"p": evaluated([True])}))
-    assert data["image/png"].startswith(b"\x89PNG")
 
 
 def test_nothing_to_draw_is_said() -> None:

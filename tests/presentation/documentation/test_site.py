@@ -14,11 +14,10 @@ import pytest
 from sphinx.util.inventory import InventoryFile
 
 from aerial_il.cli import reference
-from aerial_il.presentation.documentation import modules
 from aerial_il.presentation.documentation.site import SiteError, build
 from aerial_il.presentation.documentation.sources import FILMS, NoSourcesError, assemble, site_files
-from aerial_il.presentation.rerun.chromium import browser
-from tests.teleop.chromium import needs_browser
+from tests.presentation.documentation.public_names import public_names
+from tests.teleop.chromium import browser, needs_browser
 
 LOADING = {
     **dict.fromkeys(("script", "img", "video", "source", "iframe"), "src"),
@@ -91,7 +90,7 @@ def test_every_public_name_is_there(site: Path) -> None:
     with (site / "objects.inv").open("rb") as file:
         inventory = InventoryFile.load(file, "", lambda *parts: "/".join(parts))
     there = {name for kind, names in inventory.items() if kind.startswith("py:") for name in names}
-    assert sorted(modules.public_names() - there) == []
+    assert sorted(public_names() - there) == []
 
 
 @pytest.mark.slow

@@ -7,7 +7,6 @@ import pytest
 
 from aerial_il.presentation.films.scene_renderer import SceneRenderer, obstacle, robot_geoms
 from aerial_il.presentation.studio.studio import QUICK
-from aerial_il.presentation.studio.viewpoint import Viewpoint
 from tests.presentation.conftest import Flown
 
 pytestmark = pytest.mark.render
@@ -43,12 +42,6 @@ def test_a_portrait_shows_the_robot_alone(flown: Flown) -> None:
         names = {model.geom(i).name for i in np.flatnonzero(shown & ~robot)}
         assert names == {"ground"}
         assert (shown & robot).sum() > 10
-
-
-def test_a_viewpoint_has_right_handed_axes() -> None:
-    right, up, forward = Viewpoint((0, 0, 0), 1.0, 37.0).axes
-    np.testing.assert_allclose(np.cross(right, up), -forward, atol=1e-12)
-    assert up[2] > 0 > forward[2]
 
 
 def test_the_scene_s_own_cameras_are_offered(flown: Flown) -> None:

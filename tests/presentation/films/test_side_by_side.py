@@ -11,8 +11,8 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.presentation.films.overlay import COLOURS
-from aerial_il.presentation.films.side_by_side import GAP, HOLD_S, STRIP, Look, write_side_by_side
+from aerial_il.presentation.films.overlay import COLOURS, strip_height
+from aerial_il.presentation.films.side_by_side import GAP, HOLD_S, Look, write_side_by_side
 from tests.presentation.conftest import Flown
 
 SMALL = Look(height=64, width=96, fps=5.0, abreast=2)
@@ -29,7 +29,7 @@ def test_rounds_follow_each_other_in_real_time(flown: Flown, tmp_path: Path) -> 
     flights = [cut(flown.episode, SHORT), cut(flown.episode, 30), cut(flown.episode, 30), cut(flown.episode, 20)]
     path = write_side_by_side(tmp_path / "film.webp", flights, SMALL)
     with Image.open(path) as film:
-        assert film.size == (2 * SMALL.width + GAP, SMALL.height + STRIP)
+        assert film.size == (2 * SMALL.width + GAP, SMALL.height + strip_height(SMALL.width))
         durations = []
         for k in range(film.n_frames):
             film.seek(k)

@@ -10,7 +10,7 @@ from PIL import Image
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
-from aerial_il.presentation.films.stroboscope import MOMENTS, moments, write_stroboscope
+from aerial_il.presentation.films.stroboscope import write_stroboscope
 from aerial_il.presentation.films.traces import M_PER_N, Traces, traces_of
 from aerial_il.presentation.studio.marks import Arrow, Trail
 from tests.presentation.conftest import Flown
@@ -36,13 +36,6 @@ def test_forces_become_arrows_and_calm_air_none(traces: Traces) -> None:
     assert len([mark for mark in blown.marks(30) if isinstance(mark, Arrow)]) == 1
     trails = [mark for mark in traces.marks(30, since_s=10 * traces.dt) if isinstance(mark, Trail)]
     assert [len(trail.points) for trail in trails] == [11, 11]
-
-
-def test_moments_end_with_the_last_and_are_apart(traces: Traces) -> None:
-    chosen = moments(traces)
-    assert chosen == sorted(set(chosen))
-    assert chosen[-1] == len(traces.tool) - 1
-    assert 1 <= len(chosen) <= MOMENTS
 
 
 @pytest.mark.render

@@ -2,62 +2,27 @@
 
 from __future__ import annotations
 
-import math
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from aerial_il.evaluation.curves import Curve, LearningPoint
+from aerial_il.evaluation.curves import LearningPoint
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.presentation.pages.charts import (
     BOTTOM,
     HEIGHT,
-    LEFT,
     NARROW,
     RIGHT,
     TOP,
     Figure,
     Plot,
-    Scale,
-    equal_height,
     histogram,
-    round_ticks,
-    tick_label,
 )
-from aerial_il.presentation.pages.figures import distributions, learning_curve, paths, training
-
-SVG = "{http://www.w3.org/2000/svg}"
+from aerial_il.presentation.pages.figures import learning_curve, paths
 
 
 def parse(figure: Figure) -> ElementTree.Element:
     return ElementTree.fromstring(str(figure.svg))
-
-
-@given(st.floats(-1e6, 1e6), st.floats(1e-3, 1e6))
-def test_ticks_are_round_and_inside(lo: float, span: float) -> None:
-    hi = lo + span
-    ticks = round_ticks(lo, hi)
-    assert 2 <= len(ticks) <= 7
-    assert lo - 1e-6 * span <= ticks[0]
-    assert ticks[-1] <= hi + 1e-6 * span
-    assert np.allclose(np.diff(ticks), ticks[1] - ticks[0])
-
-
-@pytest.mark.parametrize(
-    ("value", "label"), [(0, "0"), (0.05, "0.05"), (12.5, "12.5"), (1500, "1500"), (2e6, "2e+06"), (0.1 + 0.2, "0.3")]
-)
-def test_tick_labels_are_short(value: float, label: str) -> None:
-    assert tick_label(value) == label
-
-
-def test_scales_meet_their_ends() -> None:
-    linear, logarithmic = Scale(2, 4, 100, 0), Scale(0.01, 100, 0, 40, log=True)
-    assert (linear(2), linear(3), linear(4)) == (100, 50, 0)
-    assert (logarithmic(0.01), logarithmic(1), logarithmic(100)) == pytest.approx((0, 20, 40))
-    assert logarithmic.ticks() == pytest.approx([0.01, 0.1, 1, 10, 100])
 
 
 def test_a_point_lands_where_the_axes_say() -> None:
@@ -79,11 +44,6 @@ def test_bars_of_a_histogram_hold_every_value() -> None:
     assert heights["bad"] == pytest.approx(2 * per_episode, abs=0.5)
 
 
-def test_a_histogram_of_one_value_still_draws() -> None:
-    figure = histogram("Same", {"success": [3.0, 3.0]}, x_label="s", kinds={"success": "good"})
-    assert len(list(parse(figure).iter("rect"))) == 1
-
-
 def test_text_from_outside_is_escaped() -> None:
     plot = Plot(x=(0, 1), y=(0, 1), x_label="<b>&", y_label='"', alt='"><script>')
     plot.dot(0, 0, "good", title="</title><script>")
@@ -91,38 +51,11 @@ def test_text_from_outside_is_escaped() -> None:
     ElementTree.fromstring(str(plot.svg()))
 
 
-def test_equal_height_makes_a_metre_equally_long_both_ways() -> None:
-    height = equal_height((0, 2), (0, 1), width=NARROW)
-    assert (height - TOP - BOTTOM) / 1 == pytest.approx((NARROW - LEFT - RIGHT) / 2)
-
-
-def test_figures_of_an_evaluation_are_well_formed(diver: EvaluationResult) -> None:
-    figures = [*distributions(diver), *paths(diver)]
-    assert [f.title for f in figures[:2]] == ["Time to success", "End-effector tracking error, mean"]
-    assert [f.title for f in figures[-2:]] == ["End effector from above", "End effector from the side"]
-    assert len({f.title for f in figures}) == len(figures)
-    for figure in figures:
-        assert parse(figure).attrib["aria-label"]
-
-
 def test_paths_mark_successes_and_failures(diver: EvaluationResult) -> None:
     top = parse(paths(diver)[0])
     won = diver.success["count"]
     assert len(list(top.iter("circle"))) == won
     assert len([p for p in top.iter("path") if p.attrib["class"] == "end bad"]) == len(diver.episodes) - won
-
-
-def test_training_curves_put_losses_first_and_on_a_log_axis() -> None:
-    steps = np.linspace(0, 1000, 50)
-    loss = np.exp(-steps / 100) + 1e-3
-    logged = {"lr": 1e-3 - 1e-7 * steps, "train/loss": loss, "elapsed_s": steps}
-    figures = training([Curve(name, steps, values) for name, values in logged.items()])
-    assert [f.title for f in figures] == ["Train: loss", "Learning rate"]
-    line = parse(figures[0]).find(".//polyline")
-    assert line is not None
-    heights = [float(point.split(",")[1]) for point in line.attrib["points"].split()]
-    assert all(math.isfinite(h) for h in heights)
-    assert heights == sorted(heights)  # falls on the page as the loss falls
 
 
 def test_learning_curve_shows_each_point_with_its_interval(diver: EvaluationResult, expert: EvaluationResult) -> None:

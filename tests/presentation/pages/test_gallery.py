@@ -6,21 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import aerial_il
 from aerial_il.core.errors import AerialError, SimulationDivergedError
-from aerial_il.core.specs import ActionSpec
 from aerial_il.data.episode import Episode
 from aerial_il.presentation.films import clips
 from aerial_il.presentation.pages import gallery
 from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
 from aerial_il.workflows.catalogue import catalogue
-from tests.presentation.browser import needs_browser, picture
 from tests.presentation.conftest import Flown
 from tests.presentation.outline import needs_nothing_else
-
-DT_S = 0.02
 
 
 @pytest.fixture(scope="module")
@@ -79,14 +74,6 @@ def test_a_film_is_made_once_and_again_when_the_flight_differs(made: Gallery, fl
     assert clips.digest_of(Episode(**other), clips.Excerpt(0, 28, 3)) not in again.film.name
 
 
-@pytest.mark.render
-def test_the_sheet_has_a_picture_of_each(made: Gallery, tmp_path: Path) -> None:
-    sheet = Image.open(write_sheet(tmp_path / "sheet.png", made))
-    height, width = gallery.SHEET_PICTURE
-    assert sheet.width // width * (sheet.height // height) >= len(gallery.cards())
-    assert (tmp_path / "sheet.png").stat().st_size < 600_000
-
-
 def test_without_a_renderer_nothing_is_flown(tmp_path: Path) -> None:
     def fly(robot: str, task: str) -> tuple[Episode, np.ndarray]:
         raise AssertionError("nothing may be flown")
@@ -106,43 +93,3 @@ def test_a_flight_that_fails_leaves_a_card_that_says_why(tmp_path: Path) -> None
 
     html = write_gallery(tmp_path / "g.html", catalogue(), fly=fly, progress=False).path.read_text()
     assert html.count("qacc of DOF 3 at step 7") == len(gallery.cards())
-
-
-def flags(length: int, *firsts: int) -> np.ndarray:
-    steps = np.arange(length)[:, None]
-    return steps >= np.array(firsts)
-
-
-@pytest.mark.parametrize(
-    ("length", "firsts", "expected"),
-    [
-        (100, (10, 50, 90), (0, 99, 50)),
-        (1000, (10, 500, 650, 900), (401, 700, 500)),
-        (1000, (), (700, 999, 849)),
-        (1000, (600,), (700, 999, 849)),
-    ],
-)
-def test_an_excerpt_holds_most_of_what_happens(length: int, firsts: tuple[int, ...], expected: tuple[int, ...]) -> None:
-    part = clips.excerpt(flags(length, *firsts), DT_S)
-    if len(firsts) == 1:
-        assert part.first <= 600 <= part.last
-        assert part.poster == 600
-    else:
-        assert (part.first, part.last, part.poster) == expected
-    assert part.last - part.first < round(clips.LONGEST_S / DT_S)
-
-
-def test_actions_are_summed_up_with_units_and_bounds() -> None:
-    labels, units = ("rate_x", "rate_y", "thrust"), ("rad/s", "rad/s", "N")
-    spec = ActionSpec("ctbr", labels, units, np.array([-6.0, -6.0, 0.0]), np.array([6.0, 6.0, 54.0]))
-    assert gallery.quantities(spec) == ["rate x 2: -6 to 6 rad/s", "thrust: 0 to 54 N"]
-
-
-@pytest.mark.browser
-@pytest.mark.render
-@needs_browser
-def test_a_browser_draws_it_in_light_and_dark(made: Gallery, tmp_path: Path) -> None:
-    light = picture(made.path, tmp_path / "light.png")
-    dark = picture(made.path, tmp_path / "dark.png", dark=True)
-    assert light.mean() > dark.mean() + 80
-    assert light.std() > 10

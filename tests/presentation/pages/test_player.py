@@ -62,12 +62,6 @@ def test_every_line_spans_the_flight(flown: Flown) -> None:
             assert low <= known.min() <= known.max() <= high
 
 
-def test_the_tilt_is_that_of_the_rotor_axis(flown: Flown) -> None:
-    tilt = next(one for one in trace_plots(flown.episode) if one.title.startswith("Tilt")).series[0].values
-    x, y = flown.episode.obs["base_rot6d"][:, :3], flown.episode.obs["base_rot6d"][:, 3:]
-    np.testing.assert_allclose(np.cos(np.deg2rad(tilt)), np.cross(x, y)[:, 2], atol=1e-9)
-
-
 def test_a_robot_that_is_not_ours_and_has_no_arm_is_shown_too(flown: Flown, tmp_path: Path) -> None:
     foreign = replace(
         flown.episode,

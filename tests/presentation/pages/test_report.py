@@ -6,16 +6,14 @@ import json
 import re
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, training_curves
+from aerial_il.evaluation.curves import DatasetSummary, LearningPoint, curves_of, read_rows
 from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films.video import Clip, Footage
-from aerial_il.presentation.pages.page import number, percent, seconds
+from aerial_il.presentation.pages.page import percent, seconds
 from aerial_il.presentation.pages.report import write_report
 from tests.presentation.browser import needs_browser, picture
 from tests.presentation.outline import Outline, needs_nothing_else
@@ -86,15 +84,6 @@ def test_squares_and_failures_lead_to_what_is_shown_of_them(full: Full, diver: E
     assert (f"film-{filmed}", str(filmed)) in led
 
 
-def test_all_training_charts_are_there(diver: EvaluationResult, tmp_path: Path) -> None:
-    rows = [{"step": k} | {f"loss/{n}": 1.0 / (k + 1 + n) for n in range(11)} for k in range(5)]
-    (tmp_path / "metrics.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    html = write_report(tmp_path / "r.html", diver, run=tmp_path).read_text()
-    section = html.split('id="training"')[1].split("</section>")[0]
-    assert section.count("<polyline") == 11
-    assert "2 more that were logged" in section
-
-
 def test_a_bare_report_leaves_out_what_was_not_given(diver: EvaluationResult, tmp_path: Path) -> None:
     html = write_report(tmp_path / "r.html", diver).read_text()
     assert not {"films", "demonstrations", "training", "curve"} & set(Outline(html).ids)
@@ -123,14 +112,6 @@ def test_names_from_outside_are_escaped(diver: EvaluationResult, tmp_path: Path)
     assert "&lt;script&gt;" in html
 
 
-@pytest.mark.parametrize(
-    ("told", "shown"),
-    [(None, "–"), (0, "0"), (0.4567, "0.457"), (45.0, "45.0"), (123.4, "123"), (999.9, "1,000"), (34567.8, "34,568")],
-)
-def test_numbers_read_well(told: float | None, shown: str) -> None:
-    assert number(told) == shown
-
-
 def test_only_exact_rates_read_as_none_or_all() -> None:
     assert [percent(r) for r in (0.0, 1.0, 0.975, 0.9999, None)] == ["0", "100", "97.5", "100.0", "–"]
     assert [seconds(t) for t in (0.48, 12.34, None)] == ["0.48 s", "12.3 s", "–"]
@@ -139,22 +120,13 @@ def test_only_exact_rates_read_as_none_or_all() -> None:
 def test_training_curves_survive_a_killed_writer(tmp_path: Path) -> None:
     metrics = tmp_path / "metrics.jsonl"
     metrics.write_text('{"step": 0, "loss": 1.0}\n{"step": 10, "loss": 0.5}\n{"step": 20, "lo')
-    (curve,) = training_curves(tmp_path)
+    (curve,) = curves_of(read_rows(tmp_path / "metrics.jsonl"))
     assert (curve.name, curve.steps.tolist(), curve.values.tolist()) == ("loss", [0, 10], [1.0, 0.5])
     metrics.write_text('{"step": 0, "loss": 1.0}\n{"loss": 1.0}\n')
     with pytest.raises(InvalidValueError, match=r"metrics\.jsonl, line 2: not a row"):
-        training_curves(tmp_path)
+        curves_of(read_rows(tmp_path / "metrics.jsonl"))
     with pytest.raises(InvalidValueError, match=r"cannot be read .* training run"):
-        training_curves(tmp_path / "missing")
-
-
-def test_a_dataset_is_summed_up() -> None:
-    spec = SimpleNamespace(control_dt_s=0.02)
-    episodes = [
-        SimpleNamespace(actions=np.zeros((50, 4)), success=won, spec=spec, provenance={"seed": seed})
-        for seed, won in ((7, True), (3, False))
-    ]
-    assert DatasetSummary.of("demos", episodes) == DatasetSummary("demos", 2, 1, 100, 2.0, (3, 7))
+        curves_of(read_rows(tmp_path / "missing" / "metrics.jsonl"))
 
 
 @pytest.mark.browser

@@ -36,9 +36,9 @@ class Shown:
     def column(self, entity: str, component: str) -> pa.ChunkedArray:
         """Return the column of a component or a timeline, rows in the order of the chunks."""
         batches = [c.to_record_batch() for c in self.chunks if str(c.entity_path) == entity]
-        found = [batch.column(component) for batch in batches if component in batch.schema.names]
-        assert found, f"{entity} has no {component}, but {[batch.schema.names for batch in batches]}"
-        return pa.chunked_array(found)
+        result = [batch.column(component) for batch in batches if component in batch.schema.names]
+        assert result, f"{entity} has no {component}, but {[batch.schema.names for batch in batches]}"
+        return pa.chunked_array(result)
 
     def numbers(self, entity: str, component: str) -> np.ndarray:
         """Return all numbers of a component, row by row, flat."""

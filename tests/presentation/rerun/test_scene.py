@@ -84,8 +84,8 @@ def test_every_visible_geom_is_drawn_once(shown: Shown, episodes: list[Episode])
         body = model.body(model.geom_bodyid[i]).name
         below = "fixed" if body == "world" else f"{'props' if body in ('cube', 'bowl') else 'robot'}/{body}"
         entity = f"/scene/{below}/{model.geom(i).name}"
-        found = [chunk for chunk in shown.chunks if str(chunk.entity_path) == entity]
-        assert [(chunk.num_rows, chunk.is_static) for chunk in found] == [(1, True)], entity
+        result = [chunk for chunk in shown.chunks if str(chunk.entity_path) == entity]
+        assert [(chunk.num_rows, chunk.is_static) for chunk in result] == [(1, True)], entity
 
 
 def test_colours_and_sizes_are_the_models(shown: Shown, episodes: list[Episode]) -> None:

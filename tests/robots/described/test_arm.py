@@ -46,9 +46,9 @@ def test_the_z1_written_as_urdf_reads_back_as_our_robot(
 ) -> None:
     ours = robots.get(name)
     text = urdf_of(UPRIGHT, foot_m=FOOT_M, foot_kg=FOOT_KG)
-    found = read(tmp_path, text, mount=(0.0, 0.0, mount), mount_rpy=rpy, servos=Z1_SERVOS)
-    assert found.foot_kg == FOOT_KG
-    again = replace(ours, arm=found.arm)
+    result = read(tmp_path, text, mount=(0.0, 0.0, mount), mount_rpy=rpy, servos=Z1_SERVOS)
+    assert result.foot_kg == FOOT_KG
+    again = replace(ours, arm=result.arm)
     a, b = compiled(again), compiled(ours)
     for field in (*FIELDS, *SERVO):
         np.testing.assert_array_equal(getattr(a, field), getattr(b, field), err_msg=field)
@@ -59,9 +59,9 @@ def test_the_z1_written_as_urdf_reads_back_as_our_robot(
 
 def test_the_round_trip_notices_one_gram(tmp_path: Path) -> None:
     heavier = (*UPRIGHT[:2], replace(UPRIGHT[2], mass=0.840), *UPRIGHT[3:])
-    found = read(tmp_path, urdf_of(heavier, foot_m=FOOT_M, foot_kg=FOOT_KG), servos=Z1_SERVOS)
+    result = read(tmp_path, urdf_of(heavier, foot_m=FOOT_M, foot_kg=FOOT_KG), servos=Z1_SERVOS)
     assert not np.array_equal(
-        compiled(replace(robots.get("z1"), arm=found.arm)).body_mass, compiled(robots.get("z1")).body_mass
+        compiled(replace(robots.get("z1"), arm=result.arm)).body_mass, compiled(robots.get("z1")).body_mass
     )
 
 
@@ -98,14 +98,14 @@ def zero_of(path: Path) -> tuple[float, ...]:
 def test_frames_that_are_turned_anyhow_end_where_mujoco_says(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(TWISTED, encoding="utf-8")
     zero = zero_of(tmp_path / "arm.urdf")
-    found = read_arm(tmp_path / "arm.urdf", zero=zero, mount=(0.02, 0.0, -0.05))
-    robot = carrying(found)
-    at_zero = tool_of_file(tmp_path / "arm.urdf", "flange", "plate", dict(zip(found.joints, zero, strict=True)))[1]
+    result = read_arm(tmp_path / "arm.urdf", zero=zero, mount=(0.02, 0.0, -0.05))
+    robot = carrying(result)
+    at_zero = tool_of_file(tmp_path / "arm.urdf", "flange", "plate", dict(zip(result.joints, zero, strict=True)))[1]
     rng = np.random.default_rng(0)
     for values in rng.uniform(-1.0, 1.0, (5, 2)):
-        pos, rot = robot.tool_at(found.posture(*values))
+        pos, rot = robot.tool_at(result.posture(*values))
         wanted, turned = tool_of_file(
-            tmp_path / "arm.urdf", "flange", "plate", dict(zip(found.joints, values, strict=True))
+            tmp_path / "arm.urdf", "flange", "plate", dict(zip(result.joints, values, strict=True))
         )
         np.testing.assert_allclose(pos - [0.02, 0.0, -0.05], wanted, atol=1e-9)
         np.testing.assert_allclose(rot, turned @ at_zero.T, atol=1e-9)
@@ -121,9 +121,9 @@ def test_frames_that_are_turned_anyhow_end_where_mujoco_says(tmp_path: Path) -> 
 )  # of no solid; the last two as manufacturers write them
 def test_a_frame_with_hardly_any_mass_is_a_frame(tmp_path: Path, mass: str, moments: str) -> None:
     frame = f'<link name="flange"><inertial><mass value="{mass}"/><inertia {moments}/></inertial></link>'
-    found = read(tmp_path, PITCH.replace('<link name="flange"/>', frame))
+    result = read(tmp_path, PITCH.replace('<link name="flange"/>', frame))
     plain = read(tmp_path, PITCH)
-    assert [(a.mass, a.centre, a.tensor) for a in found.arm.links] == [
+    assert [(a.mass, a.centre, a.tensor) for a in result.arm.links] == [
         (a.mass, a.centre, a.tensor) for a in plain.arm.links
     ]
 
@@ -160,8 +160,8 @@ def test_urdf_and_mjcf_of_the_same_arm_give_the_same_arm(tmp_path: Path) -> None
 
 
 def test_the_robots_own_word_goes_before_the_files(tmp_path: Path) -> None:
-    found = read(tmp_path, PITCH, servo=Servo(speed=2.0), servos={"elbow": Servo(torque=1.0, stiffness=9.0)})
-    shoulder, elbow = found.arm.links
+    result = read(tmp_path, PITCH, servo=Servo(speed=2.0), servos={"elbow": Servo(torque=1.0, stiffness=9.0)})
+    shoulder, elbow = result.arm.links
     assert (shoulder.speed, shoulder.torque) == (2.0, 5.0)
     assert (elbow.torque, elbow.stiffness, elbow.speed) == (1.0, 9.0, 4.0)
 
@@ -192,12 +192,12 @@ def test_a_convex_mesh_collides_and_looks_hide_what_collides(tmp_path: Path) -> 
         '<collision><origin xyz="0.1 0 0"/><geometry><box size="0.2 0.02 0.02"/></geometry></collision>',
         f"<visual>{mesh}</visual><collision>{mesh}</collision>",
     )
-    found = read(tmp_path, text)
-    looks, hull = sorted(found.arm.links[0].shapes, key=lambda shape: shape.collides)
+    result = read(tmp_path, text)
+    looks, hull = sorted(result.arm.links[0].shapes, key=lambda shape: shape.collides)
     assert looks.seen
     assert not hull.seen
     np.testing.assert_allclose(hull.half_extent, [0.03, 0.06, 0.03], atol=1e-6)
-    model = compiled(carrying(found))
+    model = compiled(carrying(result))
     touching = [
         model.geom(i) for i in range(model.ngeom) if model.geom(i).name.startswith("link_0") and model.geom_contype[i]
     ]
@@ -218,16 +218,16 @@ def test_a_hollow_mesh_is_said_to_collide_as_its_hull(tmp_path: Path) -> None:
 
 def test_a_missing_mesh_of_looks_is_left_out_with_a_note(tmp_path: Path) -> None:
     looks = '<visual><geometry><mesh filename="meshes/fine.dae"/></geometry></visual></link>\n<link name="flange"/>'
-    found = read(tmp_path, PITCH.replace('</link>\n<link name="flange"/>', looks))
-    assert any("looks are left out: meshes/fine.dae is no .stl" in note for note in found.notes)
-    assert all(shape.collides for link in found.arm.links for shape in link.shapes)
+    result = read(tmp_path, PITCH.replace('</link>\n<link name="flange"/>', looks))
+    assert any("looks are left out: meshes/fine.dae is no .stl" in note for note in result.notes)
+    assert all(shape.collides for link in result.arm.links for shape in link.shapes)
 
 
 def test_a_joint_without_end_turns_from_minus_pi_to_pi(tmp_path: Path) -> None:
     text = PITCH.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
-    found = read(tmp_path, text)
-    assert found.arm.links[1].limits == (-np.pi, np.pi)
-    assert any("'elbow' turns without end" in note for note in found.notes)
+    result = read(tmp_path, text)
+    assert result.arm.links[1].limits == (-np.pi, np.pi)
+    assert any("'elbow' turns without end" in note for note in result.notes)
 
 
 def test_a_posture_has_a_value_for_each_joint(tmp_path: Path) -> None:

@@ -121,11 +121,11 @@ URDF = {name: (changed(PITCH, old, new), message) for name, (old, new, message) 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder for model files, with a broken mesh and a symbolic link that leads out."""
-    found = tmp_path / "arm"
-    found.mkdir()
-    (found / "broken.stl").write_bytes(cube(0.01)[:-7])
-    (found / "out").symlink_to("/etc")
-    return found
+    result = tmp_path / "arm"
+    result.mkdir()
+    (result / "broken.stl").write_bytes(cube(0.01)[:-7])
+    (result / "out").symlink_to("/etc")
+    return result
 
 
 @pytest.mark.parametrize("case", URDF)

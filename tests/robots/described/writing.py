@@ -96,11 +96,11 @@ QUAD_MJCF = """<mujoco model="tern"><compiler autolimits="true"/>
 
 def stl(vertices: np.ndarray, faces: Sequence[tuple[int, int, int]]) -> bytes:
     """A binary STL."""
-    found = bytes(80) + struct.pack("<I", len(faces))
+    result = bytes(80) + struct.pack("<I", len(faces))
     for face in faces:
         corners = np.asarray(vertices, np.float32)[list(face)]
-        found += struct.pack("<12fH", 0.0, 0.0, 0.0, *corners.ravel(), 0)
-    return found
+        result += struct.pack("<12fH", 0.0, 0.0, 0.0, *corners.ravel(), 0)
+    return result
 
 
 def cube(half: float) -> bytes:

@@ -27,7 +27,7 @@ DRIVEN = sorted(devices.drivers_of({name: presets.read("device", name) for name 
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_device_has_controls_of_its_own_and_a_mapping_of_known_commands(name: str) -> None:
+def test_every_device_maps_controls_of_its_own_to_commands(name: str) -> None:
     controls, raw = devices.controls_of(name), presets.read("device", name)
     assert len(set(controls)) == len(controls)
     assert set(raw) - {devices.HARDWARE} <= set(COMMANDS)
@@ -38,7 +38,7 @@ def test_every_device_has_controls_of_its_own_and_a_mapping_of_known_commands(na
     assert not set(controls) & others or name in ("scripted",)
 
 
-def test_whatever_stands_in_for_a_device_answers_with_frames_and_never_waits() -> None:
+def test_what_stands_in_for_a_device_answers_with_frames() -> None:
     stand_ins = [Inbox(shipped("keyboard")), Scripted(lambda _: (), shipped("keyboard")), Replay([])]
     for device in stand_ins:
         assert isinstance(device, Device)

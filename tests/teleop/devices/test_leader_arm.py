@@ -20,19 +20,13 @@ from aerial_il.teleop.input.serial_port import SerialPort
 from tests.patience import HANG_S
 from tests.teleop.simulated import JOINTS, FakeArm
 
+pytestmark = pytest.mark.usefixtures("patient")
 PROTOCOLS = ("feetech", "dynamixel")
 STEP = math.tau / 4096 / math.pi  # of an axis
 
 
 def opened(arm: FakeArm, joints: tuple[str, ...] = JOINTS) -> OpenArm:
     return LeaderArm(**arm.settings, joints=joints, gripper="gripper").open()
-
-
-@pytest.fixture(autouse=True)
-def busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Call no servo silent that a busy machine has not heard yet."""
-    monkeypatch.setattr(leader_arm, "STALE_S", HANG_S)
-    monkeypatch.setattr(leader_arm, "SILENT_S", HANG_S)
 
 
 def read_until(port: OpenArm, wanted: Callable[[Reading], bool]) -> Reading:

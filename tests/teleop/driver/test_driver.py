@@ -19,7 +19,7 @@ from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.driver.eyes import Eyes, Sight
 from aerial_il.teleop.driver.habit import Habit
 from aerial_il.teleop.driver.operator import DriverOperator
-from aerial_il.teleop.driver.plan import Wish, plan_for
+from aerial_il.teleop.driver.plan import plan_for
 from aerial_il.teleop.driver.watch import Judgement, Watch
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
@@ -30,7 +30,7 @@ HIDDEN = ("env", "batch", "view", "mujoco", "suite", "experts", "simulation", "p
 
 
 @pytest.mark.parametrize("task", ["pick_place", "reach"])
-def test_it_solves_the_task_at_the_sticks_and_the_flight_replays_to_the_bit(task: str, tmp_path: Path) -> None:
+def test_it_solves_tasks_at_the_sticks_and_flights_replay(task: str, tmp_path: Path) -> None:
     env = world(task=task)
     DriverOperator(seed=1).record(env, None, tmp_path, seeds=range(5000, 5002), tags={})
     episodes = list(aerial_il.open_dataset(str(tmp_path)))
@@ -41,7 +41,7 @@ def test_it_solves_the_task_at_the_sticks_and_the_flight_replays_to_the_bit(task
         assert not episode.is_intervention.any(), "where no policy flies nobody takes over from one"
 
 
-def test_what_is_finished_is_kept_and_the_next_call_goes_on_after_it(tmp_path: Path) -> None:
+def test_what_is_finished_is_kept(tmp_path: Path) -> None:
     env = world()
     for last in (5001, 5002, 5002):
         DriverOperator().record(env, None, tmp_path, seeds=range(5000, last), tags={})
@@ -104,12 +104,12 @@ def test_habits_differ_from_flight_to_flight() -> None:
     assert {h.turns_first for h in habits} == {False, True}
 
 
-def test_a_task_without_a_plan_is_refused_with_those_that_have_one() -> None:
+def test_a_task_without_a_plan_lists_those_with_one() -> None:
     with pytest.raises(UnknownNameError, match="pick_place, reach"):
         plan_for("hover")
 
 
-def test_it_takes_over_when_nothing_gets_on_or_all_goes_astray_and_hands_back_when_it_does() -> None:
+def test_it_takes_over_in_trouble_and_hands_back() -> None:
     by = Judgement(patience_ticks=50, step_m=0.02, astray_m=0.1, sure_ticks=25, enough_m=0.1, least_ticks=10)
     assert not any(Watch(by).judge(1.0) for _ in range(50)), "not before its patience ends"
     watch = Watch(by)
@@ -139,44 +139,10 @@ def beside_the_cube(ahead: float, up: float, gripper: float, leaning: float = 0.
     return Sight(status, numbers)  # type: ignore[arg-type]  # the rest is not looked at
 
 
-def test_who_takes_over_goes_on_from_where_it_is() -> None:
-    high = replace(Habit.draw(np.random.default_rng(0)), height=0.2, side=0.1)
-
-    def first_wish(sight: Sight) -> Wish:
-        plan = plan_for("pick_place")
-        plan.begin(sight, high)
-        return plan.wish(sight)
-
-    low = first_wish(beside_the_cube(0.05, -0.12, 1.0))
-    assert low.part == "over"
-    assert low.offset == pytest.approx((0.05, 0.0, 0.0)), "straight, and neither up nor down"
-    assert first_wish(beside_the_cube(0.5, -0.12, 1.0)).offset[2] == pytest.approx(0.08), "on a long way at its height"
-    assert first_wish(beside_the_cube(0.005, -0.003, 0.45)).grip == 1, "a grasp that has begun is not let go"
-    assert first_wish(beside_the_cube(0.019, -0.003, 1.0)).part == "down", "with the cube between the fingers"
-
-
-def test_a_cube_that_cannot_be_grasped_is_given_up_after_three_tries() -> None:
+def test_a_cube_is_given_up_after_three_tries() -> None:
     plan = plan_for("pick_place")
     plan.begin(beside_the_cube(0.0, -0.1, 1.0), Habit.draw(np.random.default_rng(0)))
     over, between = beside_the_cube(0.0, -0.1, 1.0), beside_the_cube(0.0, -0.005, 0.62)
     wishes = [plan.wish(sight) for _ in range(3) for sight in [*[over] * 2, *[between] * 75]]
     tries = 1 + [w.hopeless for w in wishes].index(True) // 77
     assert [tries, {w.part for w in wishes}, wishes[-1].hopeless] == [3, {"over", "down", "close"}, True]
-
-
-def test_a_tool_that_leans_is_straightened_above_the_cube() -> None:
-    plan = plan_for("pick_place")
-    plan.begin(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4), Habit.draw(np.random.default_rng(0)))
-    wishes = [plan.wish(beside_the_cube(0.03, -0.05, 1.0, leaning=0.4)) for _ in range(20)]
-    assert [wishes[0].part, wishes[-1].part] == ["over", "straighten"], "not at a mere sway"
-    assert wishes[-1].mode == "wrist"
-    assert wishes[-1].turn == pytest.approx((0.0, -0.4, 0.0)), "the nose was too far down"
-    assert wishes[-1].offset == pytest.approx((0.0, 0.0, 0.04)), "up to where nothing is in the way"
-    assert plan.wish(beside_the_cube(0.03, -0.09, 1.0, leaning=0.05)).part == "over"
-
-
-def test_fingers_that_are_pushed_aside_again_and_again_are_no_grasp_to_come() -> None:
-    plan = plan_for("pick_place")
-    plan.begin(beside_the_cube(0.0, -0.1, 1.0), Habit.draw(np.random.default_rng(0)))
-    sights = [beside_the_cube(0.0, -0.1, 1.0), beside_the_cube(0.0, -0.03, 1.0), beside_the_cube(0.15, -0.1, 1.0)] * 3
-    assert [plan.wish(sight).hopeless for sight in sights] == [False] * 8 + [True]

@@ -20,15 +20,11 @@ from tests.patience import until
 from tests.teleop.chromium import Tab, browser, needs_browser
 from tests.teleop.flown import Flown, browsed, flown
 from tests.teleop.hands import world
+from tests.teleop.page_reader import PAD
 
 pytestmark = [pytest.mark.browser, pytest.mark.render, needs_browser]
 UPRIGHT = (390, 844)
 STATE = "document.body.dataset.state"
-GAMEPAD = """
-window.mock = {axes: [0, 0, 0, 0], buttons: Array.from({length: 17}, () => ({pressed: false, value: 0})),
-               connected: true, mapping: "standard", id: "mock", index: 0};
-navigator.getGamepads = () => [window.mock];
-"""
 
 
 async def hold_until(tab: Tab, key: str, seen: Callable[[], object]) -> None:
@@ -92,7 +88,7 @@ async def test_keys_fly_an_episode_kept_and_one_brought_back(tmp_path: Path) -> 
 
 async def test_a_gamepad_flies_and_one_that_is_unplugged_hovers(tmp_path: Path) -> None:
     async with browsed(tmp_path) as (_, tab):
-        await tab.value(GAMEPAD + "window.mock.axes[3] = -1; 1")
+        await tab.value(PAD + "window.mock.axes[3] = -1; 1")
         await tab.until("teleop.status.speed > 0.35")
         assert await tab.value("document.body.dataset.device") == "gamepad"
         await tab.value("window.mock.connected = false; 1")

@@ -46,10 +46,10 @@ def test_the_measure_is_that_of_the_standard() -> None:
 @pytest.mark.parametrize("scheme", range(2), ids=SCHEMES)
 @pytest.mark.parametrize("background", BACKGROUNDS)
 def test_letters_can_be_read(background: str, scheme: int) -> None:
-    found = colours()
+    result = colours()
     for letters in LETTERS:
-        assert contrast(found[letters][scheme], found[background][scheme]) >= ENOUGH, letters
-    assert contrast(found["edge"][scheme], found["card"][scheme]) >= ENOUGH_FOR_EDGES
+        assert contrast(result[letters][scheme], result[background][scheme]) >= ENOUGH, letters
+    assert contrast(result["edge"][scheme], result["card"][scheme]) >= ENOUGH_FOR_EDGES
 
 
 @pytest.mark.parametrize(("letters", "area"), BESIDES)

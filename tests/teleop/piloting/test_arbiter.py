@@ -80,15 +80,13 @@ def test_each_frame_says_who_flew_and_whose_every_action_is(shared: Episode) -> 
     assert shared.provenance["policy"] == "expert with human:ada"
 
 
-def test_it_is_flown_again_bit_for_bit_by_its_actions_and_by_its_log(env: BatchEnvironment, shared: Episode) -> None:
+def test_it_replays_by_its_actions_and_by_its_log(env: BatchEnvironment, shared: Episode) -> None:
     assert replay(env, shared) == len(shared)
     assert refly(env, shared) == len(shared)
 
 
 @pytest.mark.parametrize("cheat", ["unmarked", "marked", "label", "policy", "log"])
-def test_a_recording_that_tells_another_story_is_not_what_its_log_flies(
-    env: BatchEnvironment, shared: Episode, cheat: str
-) -> None:
+def test_a_recording_of_another_story_is_refused(env: BatchEnvironment, shared: Episode, cheat: str) -> None:
     """Marks of interventions, labels and the policy's actions cannot be made up afterwards."""
     from dataclasses import replace
 
@@ -112,12 +110,12 @@ def test_a_recording_that_tells_another_story_is_not_what_its_log_flies(
         refly(env, replace(shared, **told))
 
 
-def test_the_command_steps_no_more_when_hands_change_than_in_the_flight_itself(shared: Episode) -> None:
+def test_the_command_does_not_jump_when_hands_change(shared: Episode) -> None:
     steps = np.linalg.norm(np.diff(shared.actions[:, :3], axis=0), axis=1)
     changes = np.flatnonzero(np.diff(shared.is_intervention.astype(int)))
-    usual = np.delete(steps, (changes[:, None] + np.arange(HAND_OVER_TICKS)).ravel())
+    default = np.delete(steps, (changes[:, None] + np.arange(HAND_OVER_TICKS)).ravel())
     assert len(changes) == 2
-    assert steps[changes].max() <= usual.max()
+    assert steps[changes].max() <= default.max()
 
 
 def test_without_a_spread_the_same_change_of_hands_would_jump(env: BatchEnvironment) -> None:
@@ -133,15 +131,15 @@ def _commands(env: BatchEnvironment, ticks: int) -> np.ndarray:
     expert.attach(env)
     arbiter = Arbiter(ManualPilot(env.spec, env.scenario.robot.vehicle, bindings), expert, hand_over_ticks=ticks)
     arbiter.engage(obs)
-    device, found = Scripted(schedule((TAKEN, 200, ["take_over"])), bindings), []
+    device, result = Scripted(schedule((TAKEN, 200, ["take_over"])), bindings), []
     for _ in range(TAKEN + 3):
         turn = arbiter.act(device.frame(), obs)
-        found.append(turn.action[:3])
+        result.append(turn.action[:3])
         obs = env.step(turn.action[None]).obs
-    return np.array(found)
+    return np.array(result)
 
 
-def test_who_takes_over_hovers_where_the_vehicle_is_and_keeps_the_grip() -> None:
+def test_who_takes_over_hovers_there_and_keeps_the_grip() -> None:
     """The targets are the present pose; the gripper goes on by the last command, not by where its fingers stand."""
     env = world(task="pick_place")
     obs = env.reset(5000)
@@ -153,7 +151,7 @@ def test_who_takes_over_hovers_where_the_vehicle_is_and_keeps_the_grip() -> None
     assert action[-1] == 0.0
 
 
-def test_handed_back_a_chunked_policy_plans_anew_from_what_it_sees(env: BatchEnvironment) -> None:
+def test_handed_back_a_chunked_policy_plans_anew(env: BatchEnvironment) -> None:
     policy, fresh = _network(env), _network(env)
     bindings, seen = shipped("scripted"), []
     arbiter = Arbiter(ManualPilot(env.spec, env.scenario.robot.vehicle, bindings), policy)
@@ -184,7 +182,7 @@ def _network(env: BatchEnvironment) -> ChunkPolicy:
     return ChunkPolicy(config, interface, config.build(layout.size, size))
 
 
-def test_when_nobody_is_there_the_policy_waits_and_nothing_counts_as_a_demonstration(env: BatchEnvironment) -> None:
+def test_when_nobody_is_there_the_policy_waits(env: BatchEnvironment) -> None:
     expert = aerial_il.expert("fa_hexa_arm4", "reach")
     obs = env.reset(5000)
     expert.attach(env)

@@ -1,4 +1,4 @@
-"""A person's hands on real vehicles: they hover, move, hold still when nobody is there, and replay bit for bit."""
+"""A person's hands on real vehicles hover, move and stop, shaped smoothly, and replay bit for bit."""
 
 from __future__ import annotations
 
@@ -6,15 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from aerial_il import robots
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import DeviceFrame
-from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, tilt_of, within_fence
+from aerial_il.teleop.input.mapping import MOTIONS, Intent
+from aerial_il.teleop.piloting.assist import STALE_TICKS, fenced, within_fence
 from aerial_il.teleop.piloting.command import Command, modes_of
 from aerial_il.teleop.piloting.pilot import ManualPilot
+from aerial_il.teleop.piloting.shaping import ACCELERATION, BRAKING, DEAD_ZONE, Shaper, without_dead_zone
 from tests.teleop.hands import first, schedule, shipped, world
 
 SCRIPT = schedule(
@@ -73,7 +77,7 @@ def test_it_hovers_flies_forward_along_its_heading_and_stops(robot: str, level: 
     assert np.linalg.norm(base[-1] - base[-25]) < 0.02, "it stands"
 
 
-def test_without_a_new_message_for_300_ms_the_command_is_zero_and_the_vehicle_stays() -> None:
+def test_without_a_message_for_300_ms_the_vehicle_stays() -> None:
     env = world()
     frames = frames_of(schedule((0, 200, ["forward+"])), 50)
     pilot = ManualPilot(env.spec, robots.get(env.spec.robot).vehicle, shipped("scripted"))
@@ -128,12 +132,6 @@ def test_the_fence_slows_and_holds() -> None:
     assert within_fence((9.0, -9.0, -1.0)) == (3.0, -3.0, 0.03)
 
 
-def test_tilt() -> None:
-    level, quarter = [1.0, 0, 0, 0, 1.0, 0], [0.0, 0, -1.0, 0, 1.0, 0]
-    assert tilt_of(level) == 0.0
-    assert tilt_of(quarter) == pytest.approx(np.pi / 2)
-
-
 @pytest.mark.parametrize("level", ["rotor", "ctbr", "ee_poses"])
 def test_levels_that_nobody_can_fly_are_refused(level: str) -> None:
     env = world()
@@ -151,3 +149,44 @@ def test_every_robot_has_modes_that_reach_all_its_joints() -> None:
         groups = [mode for mode in modes_of("base_joint", vehicle) if mode.startswith("joints")]
         reached = [j for mode in groups for j in range(int(mode.split()[1].split("-")[0]), int(mode.split("-")[1]) + 1)]
         assert reached == list(range(1, vehicle.num_joints + 1))
+
+
+def test_a_key_takes_150_ms_from_rest_to_full() -> None:
+    shaper, values = Shaper(), []
+    for _ in range(10):
+        values.append(shaper.step(Intent(digital={"forward": 1.0}))["forward"])
+    assert values[:7] == sorted(values[:7])
+    assert values[6] < 1.0
+    assert values[7] == pytest.approx(1.0)
+    assert values[0] < 0.2
+
+
+def test_letting_go_ends_in_exact_rest() -> None:
+    shaper = Shaper()
+    for _ in range(20):
+        shaper.step(Intent(digital={"forward": 1.0}))
+    values = [shaper.step(Intent())["forward"] for _ in range(6)]
+    assert values[-1] == 0.0
+
+
+@given(st.floats(-DEAD_ZONE, DEAD_ZONE), st.floats(-DEAD_ZONE, DEAD_ZONE))
+def test_the_dead_zone_is_round(x: float, y: float) -> None:
+    result = without_dead_zone({"forward": x, "lateral": y})
+    assert (result["forward"] == 0.0) == (x == 0.0 or (x * x + y * y) ** 0.5 <= DEAD_ZONE) or abs(
+        result["forward"]
+    ) < 1e-6
+
+
+def test_outside_the_dead_zone_a_small_sideways_part_is_kept() -> None:
+    result = without_dead_zone({"forward": 0.9, "lateral": 0.05})
+    assert 0.0 < result["lateral"] < 0.05
+
+
+@given(st.lists(st.tuples(*[st.floats(-1, 1)] * len(MOTIONS), st.sampled_from([-1.0, 0.0, 1.0])), max_size=40))
+def test_shaped_motions_stay_in_bounds_and_never_jump(script: list) -> None:
+    shaper, before = Shaper(), dict.fromkeys(MOTIONS, 0.0)
+    for *axes, key in script:
+        after = shaper.step(Intent(dict(zip(MOTIONS, axes, strict=True)), {"forward": key}))
+        assert all(-1.0 <= value <= 1.0 for value in after.values())
+        assert all(abs(after[m] - before[m]) <= max(ACCELERATION, BRAKING) + 1e-12 for m in MOTIONS)
+        before = dict(after)

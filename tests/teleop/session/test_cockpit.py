@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from time import sleep
 
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import DemoError, InvalidValueError, StorageError
+from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
+from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.data.recording.writer import write_episode
@@ -19,6 +22,7 @@ from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.physics.episode_state import FORCES
 from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import LABELS, bits_of
+from aerial_il.teleop.piloting.targets import heading, rotation
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.refly import refly
@@ -45,57 +49,54 @@ def recorded(cockpit: Cockpit, ticks: int = 60, ending: str = "save") -> None:
     fly(cockpit, schedule(*parts), end + 5)
 
 
-def test_a_flight_is_recorded_and_replays_by_its_actions_and_by_its_log(tmp_path: Path) -> None:
-    env = world(tier="gusts")
-    cockpit = cockpit_of(env, tmp_path)
-    recorded(cockpit)
+@pytest.fixture(scope="module")
+def env() -> BatchEnvironment:
+    return world(tier="gusts")
+
+
+@pytest.fixture(scope="module")
+def file(env: BatchEnvironment, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The recording of one flight."""
+    out = tmp_path_factory.mktemp("flown")
+    cockpit = cockpit_of(env, out)
+    recorded(cockpit, ticks=160)
     assert cockpit.state is State.IDLE
     cockpit.close()
-    (file,) = DatasetFolder(tmp_path).files("failures")
-    episode = read_episode(file)
+    (file,) = DatasetFolder(out).files("failures")
+    return file
+
+
+@pytest.fixture(scope="module")
+def episode(file: Path) -> Episode:
+    return read_episode(file)
+
+
+def test_a_flight_replays_by_its_actions_and_by_its_log(env: BatchEnvironment, episode: Episode) -> None:
     assert not episode.success
-    assert len(episode) >= 58
+    assert len(episode) >= 158
     assert np.ptp(episode.actions[:, 2]) > 0.05, "it was flown"
-    assert replay(env, episode) == len(episode)
-    assert refly(env, episode) == len(episode)
+    assert replay(env, episode) == refly(env, episode) == len(episode)
     assert episode.provenance["policy"] == "human:ada"
     assert episode.provenance["settings"]["time_scale"] == 1.0
 
 
-def test_a_log_with_one_bit_changed_is_not_that_flight(tmp_path: Path) -> None:
-    env = world()
-    cockpit = cockpit_of(env, tmp_path)
-    recorded(cockpit)
-    cockpit.close()
-    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+def test_a_log_with_one_bit_changed_is_not_that_flight(env: BatchEnvironment, episode: Episode) -> None:
     rows = episode.extras["device"].copy()
     rows[10, LABELS.index("held_low")] = bits_of(["lateral+"], shipped("scripted").controls)
     with pytest.raises(DemoError, match="step 10"):
-        refly(env, _with(episode, extras={"device": rows}))
+        refly(env, replace(episode, extras={"device": rows}))
 
 
-def test_a_log_of_another_version_of_the_pilot_is_refused_by_that_name(tmp_path: Path) -> None:
-    env = world()
-    cockpit = cockpit_of(env, tmp_path)
-    recorded(cockpit)
-    cockpit.close()
-    episode = read_episode(DatasetFolder(tmp_path).files("failures")[0])
+def test_a_log_of_another_version_of_the_pilot_is_refused(env: BatchEnvironment, episode: Episode) -> None:
     settings = {key: value for key, value in episode.provenance["settings"].items() if key != "pilot"}
     with pytest.raises(DemoError, match="another version of the pilot"):
-        refly(env, _with(episode, provenance={**episode.provenance, "settings": settings}))
-    assert replay(env, episode) == len(episode)
+        refly(env, replace(episode, provenance={**episode.provenance, "settings": settings}))
 
 
-def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_path: Path) -> None:
-    env = world()
-    cockpit = cockpit_of(env, tmp_path / "a")
-    recorded(cockpit, ticks=160)
-    cockpit.close()
-    (file,) = DatasetFolder(tmp_path / "a").files("failures")
-    episode = read_episode(file)
+def test_recordings_with_or_without_frames_are_read(file: Path, episode: Episode, tmp_path: Path) -> None:
     copy = read_episode(write_episode(episode, tmp_path / "copy.mcap"))
     np.testing.assert_array_equal(copy.extras["device"], episode.extras["device"])
-    plain = _with(episode, extras={}, extra_labels={})
+    plain = replace(episode, extras={}, extra_labels={})
     assert not read_episode(write_episode(plain, tmp_path / "plain.mcap")).extras
     cut = tmp_path / "cut.mcap"
     raw = file.read_bytes()
@@ -105,17 +106,12 @@ def test_recordings_with_and_without_frames_are_read_copied_and_salvaged(tmp_pat
     np.testing.assert_array_equal(saved.extras["device"], episode.extras["device"][: len(saved)])
 
 
-def test_a_byte_changed_in_the_frames_is_noticed(tmp_path: Path) -> None:
-    env = world()
-    cockpit = cockpit_of(env, tmp_path)
-    recorded(cockpit)
-    cockpit.close()
-    (file,) = DatasetFolder(tmp_path).files("failures")
+def test_a_byte_changed_in_the_frames_is_noticed(file: Path, tmp_path: Path) -> None:
     raw = bytearray(file.read_bytes())
     raw[len(raw) // 2] ^= 1
-    file.write_bytes(raw)
+    (tmp_path / file.name).write_bytes(raw)
     with pytest.raises(DemoError):
-        read_episode(file)
+        read_episode(tmp_path / file.name)
 
 
 def test_discarded_goes_to_the_trash_and_undo_brings_it_back(tmp_path: Path) -> None:
@@ -153,9 +149,7 @@ def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:
         ({"tier": "gusts"}, "tier: 'calm' != 'gusts'"),
     ],
 )
-def test_another_environments_folder_is_refused_with_the_key_that_differs(
-    tmp_path: Path, other: dict, key: str
-) -> None:
+def test_another_environments_folder_names_what_differs(tmp_path: Path, other: dict, key: str) -> None:
     cockpit = cockpit_of(world(), tmp_path)
     cockpit.close()
     with pytest.raises(InvalidValueError, match=key):
@@ -189,7 +183,7 @@ def test_nobody_at_the_controls_pauses_a_recording(tmp_path: Path) -> None:
     cockpit.close()
 
 
-def test_an_episode_is_kept_as_a_demonstration_only_if_it_was_solved(tmp_path: Path) -> None:
+def test_only_a_solved_episode_is_a_demonstration(tmp_path: Path) -> None:
     """A script flies the tool to the target by what the status and the observation show."""
     env = world()
     cockpit = cockpit_of(env, tmp_path)
@@ -204,7 +198,7 @@ def test_an_episode_is_kept_as_a_demonstration_only_if_it_was_solved(tmp_path: P
     assert refly(env, episode) == len(episode)
 
 
-def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path: Path) -> None:
+def test_a_success_may_be_called_a_failure_but_not_reversed(tmp_path: Path) -> None:
     cockpit = cockpit_of(world(), tmp_path)
     solve_reach(cockpit, 1500)
     fly(cockpit, schedule((1, 2, ["label"]), (3, 4, ["save"])), 6)
@@ -219,7 +213,7 @@ def test_the_operator_may_call_a_success_a_failure_but_not_the_reverse(tmp_path:
     assert not second.success
 
 
-def test_a_full_disk_is_told_on_page_and_terminal_and_the_flight_goes_on(
+def test_a_full_disk_is_told_and_the_flight_goes_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     env = world()
@@ -287,9 +281,7 @@ def test_what_is_lost_for_good_is_said_once(tmp_path: Path) -> None:
 
 def solve_reach(cockpit: Cockpit, ticks: int) -> None:
     """Fly ``reach`` by keys, on what the environment shows, until the session asks what to do with it."""
-    controls = cockpit.bindings.controls
     device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)
-    assert controls
     for _ in range(ticks):
         cockpit.tick(device.frame())
         if cockpit.state is State.REVIEW:
@@ -308,9 +300,6 @@ def wanted(cockpit: Cockpit, tick: int) -> list[str]:
 
 def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
     """Return keys for the tool's position first, then for its rotation."""
-    from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
-    from aerial_il.teleop.piloting.targets import heading, rotation
-
     yaw = heading(obs)
     c, s = np.cos(yaw), np.sin(yaw)
     off = obs["tool_to_target"]
@@ -330,9 +319,3 @@ def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
 
 def _signed(motion: str, value: float, least: float) -> list[str]:
     return [motion + ("+" if value > 0 else "-")] if abs(value) > least else []
-
-
-def _with(episode, **changes):
-    from dataclasses import replace
-
-    return replace(episode, **changes)

@@ -37,7 +37,7 @@ def read(field: Field, value: object, *, yaw: float = 0.0, tool: tuple[float, ..
 
 
 @pytest.mark.parametrize("task", aerial_il.list_tasks())
-def test_every_task_has_numbers_of_its_own_and_shows_nothing_but_the_observation(task: str) -> None:
+def test_every_task_has_numbers_from_its_observation_alone(task: str) -> None:
     able = [robot for robot, other in aerial_il.list_cells() if other == task]
     env = world("fa_hexa_arm4" if "fa_hexa_arm4" in able else able[0], task)
     readings, obs = readings_of(env.spec.observation), first(env.reset(5000))
@@ -56,7 +56,7 @@ def test_offsets_are_along_the_heading_and_in_centimetres() -> None:
     assert read(cube, [0.1, 0.02, -0.3], yaw=0.5 * math.pi) == [2.0, -10.0, -30.0]
 
 
-def test_a_place_is_told_from_the_tool_unless_another_field_says_it() -> None:
+def test_a_place_is_measured_from_the_tool() -> None:
     assert read(Field("stand_pos", (3,), "task", unit="m", labels=XYZ), [1.2, 2.0, 0.0]) == [20.0, 0.0, -50.0]
     pos = Field("cube_pos", (3,), "task", unit="m", labels=XYZ)
     offset = Field("tool_to_cube", (3,), "task", unit="m", labels=XYZ)

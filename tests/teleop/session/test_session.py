@@ -1,12 +1,15 @@
-"""The session's table: every way through it ends, nothing is kept without a word, and nothing else moves it."""
+"""The session's table: every way through it ends and nothing is kept without a word; the reel is bounded."""
 
 from __future__ import annotations
 
 from itertools import pairwise
 
+import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from aerial_il.teleop.session.reel import Reel
 from aerial_il.teleop.session.session import HOLDS_EPISODE, TABLE, Event, State, after, answers
 
 EVENTS = st.lists(st.sampled_from(Event), max_size=60)
@@ -46,16 +49,16 @@ def test_nobody_at_the_controls_never_goes_on_recording(events: list[Event]) -> 
     assert after(walk(events)[-1], Event.LOST) is not State.RECORDING
 
 
-def test_idle_is_reached_from_everywhere_and_every_state_from_idle() -> None:
+def test_every_state_is_reached_and_left() -> None:
     def reached(start: State) -> set[State]:
-        found, waiting = {start}, [start]
+        result, waiting = {start}, [start]
         while waiting:
             state = waiting.pop()
             for event in answers(state):
-                if (following := after(state, event)) not in found:
-                    found.add(following)
+                if (following := after(state, event)) not in result:
+                    result.add(following)
                     waiting.append(following)
-        return found
+        return result
 
     assert reached(State.IDLE) == set(State)
     assert all(State.IDLE in reached(state) for state in State)
@@ -79,3 +82,21 @@ def test_the_way_of_a_demonstration() -> None:
     assert [state.value for state in walk(way)] == [
         "idle", "countdown", "recording", "paused", "recording", "review", "saved", "resetting", "idle",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("length", [1, 5, 10, 11, 23, 400])
+def test_memory_is_bounded_and_the_states_are_evenly_spaced(length: int) -> None:
+    reel = Reel(most=10)
+    for k in range(length):
+        reel.keep(np.array([float(k)]))
+        assert len(reel) <= 10
+    result = [float(state[0]) for share in np.linspace(0, 1, 21) if (state := reel.at(share)) is not None]
+    assert result[0] == 0.0
+    assert result == sorted(result)
+    assert result[-1] > 0.8 * (length - 1) - 1
+    if length <= 10:
+        assert result[-1] == length - 1
+
+
+def test_an_empty_one_has_nothing_to_show() -> None:
+    assert Reel().at(0.5) is None

@@ -113,7 +113,15 @@ async def test_each_session_has_a_token_of_its_own() -> None:
     await second.close()
 
 
-PATHS = ("/../server.py", "/%2e%2e/server.py", "/..%2fserver.py", "//etc/passwd", "/app.js%00.css", "/page/app.js")
+PATHS = (
+    "/index.html",
+    "/../server.py",
+    "/%2e%2e/server.py",
+    "/..%2fserver.py",
+    "//etc/passwd",
+    "/app.js%00.css",
+    "/page/app.js",
+)
 
 
 @pytest.mark.parametrize("path", PATHS)

@@ -15,7 +15,6 @@ import pytest
 from aerial_il.teleop.session.session import State
 from aerial_il.teleop.web import messages, visitors
 from aerial_il.teleop.web.messages import BURST, Bucket, MessageError, read_message
-from aerial_il.teleop.web.server import PortTakenError
 from tests.patience import until as until_true
 from tests.teleop.flown import Flown, flown
 
@@ -53,35 +52,6 @@ async def hold(client: aiohttp.ClientWebSocketResponse) -> None:
 
 def an_input(seq: int, *held: str, pressed: tuple[str, ...] = ()) -> str:
     return json.dumps({"type": "input", "seq": seq, "held": held, "pressed": pressed, "axes": {}, "t": 1.0})
-
-
-async def test_who_has_no_token_or_is_another_page_is_refused(tmp_path: Path) -> None:
-    async with flown(tmp_path) as flight, aiohttp.ClientSession() as session:
-        base, token = f"http://127.0.0.1:{flight.server.port}", flight.server.token
-        evil = {"Origin": "https://evil.example"}
-        foreign = {"Host": f"evil.example:{flight.server.port}"}
-        for path, headers, expected in (
-            (f"/?token={token}", {}, 200),
-            ("/", {}, 403),
-            ("/?token=wrong", {}, 403),
-            (f"/?token={token}", foreign, 403),
-            ("/style.css", {}, 200),
-            ("/../server.py", {}, 404),
-            ("/%2e%2e%2fserver.py", {}, 404),
-            ("/index.html", {}, 404),
-        ):
-            async with session.get(base + path, headers=headers) as answer:
-                assert answer.status == expected, path
-        for path, headers in (
-            ("/socket", {}),
-            ("/socket?token=wrong", {}),
-            (f"/socket?token={token}", evil),
-            (f"/socket?token={token}", foreign),
-        ):
-            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
-                await session.ws_connect(base + path, headers=headers)
-        own = await socket(session, flight, Origin=base)
-        assert (await heard(own, "status"))["role"] == "controller"
 
 
 async def test_bad_messages_are_dropped_and_the_flight_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -170,13 +140,6 @@ async def picture(client: aiohttp.ClientWebSocketResponse) -> int:
     while (message := await client.receive()).type is not aiohttp.WSMsgType.BINARY:
         assert message.type is aiohttp.WSMsgType.TEXT, message
     return struct.unpack_from("<I", message.data)[0]
-
-
-async def test_a_port_that_is_taken_is_told(tmp_path: Path) -> None:
-    async with flown(tmp_path / "a") as flight:
-        with pytest.raises(PortTakenError, match=f"port={flight.server.port}"):
-            async with flown(tmp_path / "b", port=flight.server.port):
-                pass
 
 
 @pytest.mark.parametrize(

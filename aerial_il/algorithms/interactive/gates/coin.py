@@ -17,7 +17,7 @@ import numpy as np
 from aerial_il.algorithms.interactive.gates.gate import GateSettings, Round
 from aerial_il.algorithms.interactive.mixture import Decision, Gate, GateInput
 from aerial_il.core.checks import require_choice, require_positive, require_share
-from aerial_il.core.seeding import named_rng
+from aerial_il.core.seeding import restarted
 
 Beta = Literal["exponential", "linear", "zero"]
 
@@ -68,9 +68,7 @@ class _Coin:
     def begin(self, seeds: np.ndarray, mask: np.ndarray) -> None:
         if len(self._rngs) != len(seeds):
             self._steps, self._expert_flies = np.zeros(len(seeds), int), np.zeros(len(seeds), bool)
-        fresh = [named_rng(int(seed), *self._names) for seed in seeds]
-        kept = fresh if len(self._rngs) != len(seeds) else self._rngs
-        self._rngs = [new if due else old for new, old, due in zip(fresh, kept, mask, strict=True)]
+        self._rngs, _ = restarted(self._rngs, seeds, mask, *self._names)
         self._steps[mask] = 0
 
     def decide(self, given: GateInput) -> Decision:

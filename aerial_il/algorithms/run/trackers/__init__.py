@@ -13,10 +13,23 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
+from typing import Protocol
 
 from aerial_il.algorithms.run.trackers import mlflow, tensorboard, wandb
-from aerial_il.algorithms.run.trackers.tracker import Tracker
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+
+
+class Tracker(Protocol):
+    """Receives the rows of a run's metrics, from the first one each time the run is opened."""
+
+    def write(self, row: Mapping[str, float]) -> None:
+        """Take one row: ``step`` and named finite numbers."""
+        ...
+
+    def close(self) -> None:
+        """Write what is pending and let go."""
+        ...
+
 
 TRACKERS: Mapping[str, Callable[[Path], Tracker]] = {
     "tensorboard": tensorboard.TensorBoard,
@@ -69,5 +82,5 @@ def _require(name: str) -> None:
 
 def _installed(name: str) -> bool:
     """Whether a package is there; a folder of that name, as trackers leave them, is none."""
-    found = importlib.util.find_spec(name)
-    return found is not None and found.origin is not None
+    spec = importlib.util.find_spec(name)
+    return spec is not None and spec.origin is not None

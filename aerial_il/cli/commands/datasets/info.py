@@ -5,24 +5,18 @@ Example: aerial-il info datasets/pick
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table
 from aerial_il.workflows.info import MADE_BY, Info, info
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Info):
-    """How it is shown.
-
-    Attributes:
-        json: print one JSON object (also: --json).
-    """
-
-    json: bool = False
+class Shown(AsJson, Info):
+    """How it is shown."""
 
 
 SETTINGS, BARE = Shown, ("path",)
@@ -31,7 +25,7 @@ SETTINGS, BARE = Shown, ("path",)
 def run(settings: Shown) -> None:
     """Print the description."""
     described = info(settings)
-    print(json.dumps(described, indent=2) if settings.json else _as_text(described))
+    settings.show(described, lambda: _as_text(described))
 
 
 def _as_text(described: dict[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Read every recording in full and say which cannot be trusted, and why; status 2 if there is one.
+"""Read every episode in full, in any format, and say which cannot be used, and why; status 2 if there is one.
 
 Checks: checksums, digest and index; schema, shapes and types; finite values and bounds; times, sequence and end.
 
@@ -18,12 +18,13 @@ SETTINGS, BARE = Validate, ("path",)
 def run(settings: Validate) -> None:
     """Print the problems, or that there are none."""
     checked = validate(settings)
-    for problem in checked.problems:
-        print(problem)
+    for line in (*checked.problems, *checked.notes):
+        print(line)
     if checked.problems:
-        hint = f"Set them aside and save what can be saved: {command_line(['recover', f'path={settings.path}'])}"
+        recover = command_line(["recover", f"path={settings.path}"])
+        hint = f"Training leaves them out. Of recordings, set them aside and save what can be saved: {recover}"
         problem = f"{len(checked.problems)} problems in {checked.episodes} episodes."
         raise DemoError(settings.path, problem, hint=hint)
     if again := checked.replayed:
         print(f"{settings.path}: {again.episodes} episodes, {again.steps} steps flown again, every bit equal.")
-    print(f"{settings.path}: {checked.episodes} episodes, all sound.")
+    print(f"{settings.path}: {checked.episodes} episodes, {'all usable' if checked.notes else 'all sound'}.")

@@ -11,13 +11,13 @@ Example: aerial-il bench quick=true
 
 from __future__ import annotations
 
-import json
 import shutil
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table
 from aerial_il.core import registry
 from aerial_il.core.errors import AerialError, InvalidValueError
@@ -34,7 +34,7 @@ class ClaimError(AerialError):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bench:
+class Bench(AsJson):
     """What is measured.
 
     Attributes:
@@ -43,7 +43,6 @@ class Bench:
         save: also write the study's page in experiments/.
         again: forget what is finished, and do all anew.
         quick: fly a small version of the headline claims, and say which hold.
-        json: print one JSON object (also: --json).
         progress: show progress bars.
     """
 
@@ -52,7 +51,6 @@ class Bench:
     save: bool = False
     again: bool = False
     quick: bool = False
-    json: bool = False
     progress: bool = True
 
 
@@ -72,11 +70,8 @@ def run(settings: Bench) -> None:
         _check_claims(tuple(study.name for study in studies), settings)
         return
     reports = [_measure(study, settings) for study in studies]
-    if settings.json:
-        found = [report.to_dict() for report in reports]
-        print(json.dumps(found[0] if settings.bench else found, indent=2))
-    else:
-        print("\n\n".join(map(as_text, reports)))
+    plain = [report.to_dict() for report in reports]
+    settings.show(plain[0] if settings.bench else plain, lambda: "\n\n".join(map(as_text, reports)))
 
 
 def as_text(report: Any) -> str:
@@ -113,6 +108,6 @@ def _check_claims(names: tuple[str, ...], settings: Bench) -> None:
     if settings.again:
         shutil.rmtree(folder, ignore_errors=True)
     rows = claims.checked(names, folder, progress=settings.progress)
-    print(json.dumps(rows, indent=2) if settings.json else table(rows))
+    settings.show(rows, lambda: table(rows))
     if broken := [row["claim"] for row in rows if row["verdict"] == claims.BROKEN]:
         raise ClaimError(f"{len(broken)} of {len(rows)} claims do not hold: {'; '.join(broken)}.")

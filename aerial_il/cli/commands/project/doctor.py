@@ -5,22 +5,16 @@ Example: aerial-il doctor
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.workflows.doctor import PAGE, Doctor, advice, findings
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Doctor):
-    """How it is shown.
-
-    Attributes:
-        json: print one JSON object (also: --json).
-    """
-
-    json: bool = False
+class Shown(AsJson, Doctor):
+    """How it is shown."""
 
 
 SETTINGS = Shown
@@ -28,15 +22,15 @@ SETTINGS = Shown
 
 def run(settings: Shown) -> None:
     """Print the findings."""
-    found = findings()
-    print(json.dumps(found, indent=2) if settings.json else _as_text(found))
+    result = findings()
+    settings.show(result, lambda: _as_text(result))
 
 
-def _as_text(found: dict[str, Any]) -> str:
+def _as_text(result: dict[str, Any]) -> str:
     lines = []
-    for name, value in found.items():
+    for name, value in result.items():
         inner = value if isinstance(value, dict) else {"": value}
         lines += [f"{' '.join(filter(None, (name, key))):<24} {text}" for key, text in inner.items()]
-    notes = advice(found)
+    notes = advice(result)
     lines += ["", *(f"{name}: {text}" for name, text in notes.items())] if notes else []
     return "\n".join([*lines, "", f"Each finding is explained in {PAGE}."])

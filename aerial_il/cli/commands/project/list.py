@@ -10,9 +10,9 @@ Example: aerial-il list html=true
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table
 from aerial_il.workflows.catalogue import Catalogue, Gallery, catalogue, gallery
 
@@ -20,16 +20,14 @@ HIDDEN = ("summary",)  # too long for a terminal's table
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Gallery):
+class Shown(AsJson, Gallery):
     """How it is shown.
 
     Attributes:
         declined: also the cells that are declined, with the reason.
-        json: print one JSON object instead of tables (also: --json).
     """
 
     declined: bool = False
-    json: bool = False
 
 
 SETTINGS = Shown
@@ -38,8 +36,8 @@ SETTINGS = Shown
 def run(settings: Shown) -> None:
     """Print the catalogue, or write the gallery and say where it is."""
     if settings.page is None:
-        found = catalogue()
-        print(json.dumps(found, indent=2) if settings.json else as_text(found, declined=settings.declined))
+        contents = catalogue()
+        settings.show(contents, lambda: as_text(contents, declined=settings.declined))
         return
     written = gallery(settings, settings.page)
     if written.note:
@@ -49,12 +47,12 @@ def run(settings: Shown) -> None:
         print(f"Sheet: {written.sheet}")
 
 
-def as_text(found: Catalogue, *, declined: bool = False) -> str:
+def as_text(contents: Catalogue, *, declined: bool = False) -> str:
     """Lay the catalogue out in tables."""
     left_out = {"cells"} if declined else {"cells", "declined"}
     rows = {
         title: [{key: value for key, value in entry.items() if key not in HIDDEN} for entry in entries]
-        for title, entries in found.items()
+        for title, entries in contents.items()
         if title not in left_out
     }
     return "\n\n".join(f"{title.replace('_', ' ').capitalize()}\n{table(entries)}" for title, entries in rows.items())

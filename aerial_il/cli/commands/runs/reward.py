@@ -17,9 +17,10 @@ SETTINGS, BARE = Reward, ("run",)
 def run(settings: Reward) -> None:
     """Draw, and say where."""
     from aerial_il.core.files import write_atomic
+    from aerial_il.core.places import claim_file
     from aerial_il.presentation.svg import reward_lines
 
     uid, paid = reward(settings)
-    figure = write_atomic(settings.out or Path(settings.run) / "reward.svg", reward_lines({uid: paid}))
+    figure = write_atomic(claim_file(settings.out or Path(settings.run) / "reward.svg"), reward_lines({uid: paid}))
     means = ", ".join(f"{label} {values.mean():.3f}" for label, values in paid.items())
     print(f"Mean reward: {means}\nFigure: {figure}")

@@ -14,12 +14,13 @@ Example: aerial-il runs runs where=state!=finished prune=trash
 
 from __future__ import annotations
 
-import json
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import fitting, table
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.runs import Runs, runs
@@ -32,18 +33,16 @@ KEPT = ("run", "state", "success", "algorithm", "policy")  # columns that are le
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown(Runs):
+class Shown(AsJson, Runs):
     """How they are shown.
 
     Attributes:
         columns: columns beside the name ([]: state, axes and results, as many as fit).
         compare: a column for each run, a line for each setting or result in which they differ.
-        json: print one JSON object (also: --json).
     """
 
     columns: tuple[str, ...] = ()
     compare: bool = False
-    json: bool = False
 
 
 SETTINGS, BARE = Shown, ("folder",)
@@ -52,10 +51,9 @@ SETTINGS, BARE = Shown, ("folder",)
 def run(settings: Shown) -> None:
     """Print what was asked for."""
     listed = runs(settings)
-    if settings.json:
-        print(json.dumps(_as_json(listed.runs), indent=2))
-    else:
-        print(_compared(listed.runs) if settings.compare else _listing(listed.runs, settings.columns))
+    as_text = _compared if settings.compare else partial(_listing, columns=settings.columns)
+    settings.show(_plain(listed.runs), partial(as_text, listed.runs))
+    if not settings.json:
         _warn(listed.runs)
     if listed.page is not None:
         print(f"Report: {listed.page}")
@@ -63,8 +61,8 @@ def run(settings: Shown) -> None:
         print(line)
 
 
-def _listing(found: RunCollection, columns: Sequence[str]) -> str:
-    rows = _shown(found, columns)
+def _listing(collection: RunCollection, columns: Sequence[str]) -> str:
+    rows = _shown(collection, columns)
     if columns:
         return table(rows)
     kept, left_out = fitting(rows, KEPT)
@@ -74,33 +72,34 @@ def _listing(found: RunCollection, columns: Sequence[str]) -> str:
     return table(kept) + note
 
 
-def _as_json(found: RunCollection) -> dict[str, Any]:
-    refused = {str(place): why for place, why in found.refused.items()}
-    return {"runs": found.rows, "axes": found.axes, "refused": refused}
+def _plain(collection: RunCollection) -> dict[str, Any]:
+    refused = {str(place): why for place, why in collection.refused.items()}
+    return {"runs": collection.rows, "axes": collection.axes, "refused": refused}
 
 
-def _shown(found: RunCollection, columns: Sequence[str]) -> list[dict[str, Any]]:
+def _shown(collection: RunCollection, columns: Sequence[str]) -> list[dict[str, Any]]:
     """Return the table's rows, numbers shortened; columns that no run fills are left out."""
     from aerial_il.evaluation.run_collection import settings_of
 
-    rows = found.rows
+    rows = collection.rows
     if columns:
         rows = [
             {"run": row["run"], **{name: {**settings_of(run), **row}.get(name) for name in columns}}
-            for run, row in zip(found.runs, rows, strict=True)
+            for run, row in zip(collection.runs, rows, strict=True)
         ]
     filled = [name for name in rows[0] if any(row[name] is not None for row in rows)] if rows else []
     return [{name: _short(row[name]) for name in filled} for row in rows]
 
 
-def _compared(found: RunCollection) -> str:
-    if not 2 <= len(found.runs) <= MOST_COMPARED:
+def _compared(collection: RunCollection) -> str:
+    if not 2 <= len(collection.runs) <= MOST_COMPARED:
         raise InvalidValueError(
-            f"compare=true compares 2 to {MOST_COMPARED} runs, and {len(found.runs)} match: choose them with where=."
+            f"compare=true compares 2 to {MOST_COMPARED} runs, and {len(collection.runs)} match: "
+            "choose them with where=."
         )
-    rows = [{name: _short(value) for name, value in row.items()} for row in found.rows]
+    rows = [{name: _short(value) for name, value in row.items()} for row in collection.rows]
     differing = [name for name in rows[0] if name != "run" and len({repr(row[name]) for row in rows}) > 1]
-    return table([{"": name, **{str(row["run"]): _text(row[name]) for row in rows}} for name in differing])
+    return table([{"": name, **{str(row["run"]): row[name] for row in rows}} for name in differing])
 
 
 def _short(value: Any) -> Any:
@@ -109,10 +108,6 @@ def _short(value: Any) -> Any:
     return [_short(inner) for inner in value] if isinstance(value, list) else value
 
 
-def _text(value: Any) -> str:
-    return "-" if value is None else str(value)
-
-
-def _warn(found: RunCollection) -> None:
-    for place, why in found.refused.items():
+def _warn(collection: RunCollection) -> None:
+    for place, why in collection.refused.items():
         logging.getLogger(__name__).warning("%s: %s.", place, why.rstrip("."))

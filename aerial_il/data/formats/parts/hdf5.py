@@ -18,7 +18,6 @@ from aerial_il.data.formats.parts.hdf5_probe import require_readable
 from aerial_il.data.source import Later
 
 ENDINGS = (".hdf5", ".h5")
-MAX_BYTES = 160 << 20  # of one demonstration; what is not stored, HDF5 would fill in
 FAULTS = (
     OSError, LookupError, ArithmeticError, RuntimeError, ValueError, TypeError, AttributeError, MemoryError, AerialError
 )  # fmt: skip
@@ -58,23 +57,20 @@ def numbered(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: (len(name), name))
 
 
-def array(path: Path, group: h5py.Group, name: str, *, last: bool = False) -> np.ndarray:
-    """Return a dataset (T, ...), or of it the ``last`` row alone."""
-    dataset = rows(path, group, name)
-    return dataset[-1:] if last else dataset[()]
+def array(path: Path, group: h5py.Group, name: str) -> np.ndarray:
+    """Return a dataset (T, ...)."""
+    return rows(path, group, name)[()]
 
 
-def later(path: Path, group: h5py.Group, name: str) -> np.ndarray | Later:
-    """Return a dataset (T, ...): pictures to be read when they are used, all else at once."""
+def later(path: Path, group: h5py.Group, name: str) -> Later:
+    """Return a dataset (T, ...) that is read when it is used: only then is it known whether there is room for it."""
     dataset, place, file_path = rows(path, group, name), str(group.name), Path(group.file.filename)
-    if dataset.ndim < 4:
-        return dataset[()]
 
-    def read() -> np.ndarray:
-        with opened(file_path, f"has unreadable pictures in {place}/{name}") as file:
-            return array(path, child(path, file, place, h5py.Group), name)
+    def load(chosen: slice) -> np.ndarray:
+        with opened(file_path, f"has unreadable data in {place}/{name}") as file:
+            return rows(path, file if place == "/" else child(path, file, place, h5py.Group), name)[chosen]
 
-    return Later(dataset.shape, dataset.dtype, read)
+    return Later(dataset.shape, dataset.dtype, load)
 
 
 def rows(path: Path, group: h5py.Group, name: str) -> h5py.Dataset:
@@ -83,14 +79,6 @@ def rows(path: Path, group: h5py.Group, name: str) -> h5py.Dataset:
     if dataset.dtype.kind not in "biuf" or dataset.shape is None or not dataset.shape:
         raise DemoError(path, f"has no rows of numbers in {dataset.name}.", got=(dataset.dtype, dataset.shape))
     return dataset
-
-
-def require_size(path: Path, group: h5py.Group, datasets: Iterable[h5py.Dataset], most: int = MAX_BYTES) -> None:
-    """Require that the datasets of a demonstration can be held together, before one of them is read."""
-    size = sum(int(each.size or 0) * (8 if each.ndim < 4 else each.dtype.itemsize) for each in datasets)
-    if size > most:
-        problem = f"has an absurdly large demonstration {group.name}."
-        raise DemoError(path, problem, expected=f"at most {most} bytes", got=size)
 
 
 def child(path: Path, group: h5py.Group, name: str, kind: type) -> Any:

@@ -7,8 +7,10 @@ observation before the action  observations, obs                 (N, Do)
 action                         actions, acts                     (N, Da)
 observation after it           next_observations, next_obs       optional
 reward                         rewards, rews                     optional
-the environment ended          terminals, dones, terminations    optional; an episode ends there
+the environment ended          terminals, terminations           optional; an episode ends there
 time was up                    timeouts, truncations             optional; likewise
+one of both                    dones                             optional; likewise
+time in seconds                timestamps, times                 optional
 =============================  ================================  =======================================
 """
 
@@ -18,10 +20,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from aerial_il.core.errors import DemoError
-from aerial_il.data.source import Raw, Source
+from aerial_il.data.source import Raw, Rows, Source
 
 FIELD = "observation"  # what Gymnasium's environments with one vector are recorded with here
 NAMES = {
@@ -29,20 +29,20 @@ NAMES = {
     "actions": ("actions", "acts"),
     "next_obs": ("next_observations", "next_obs"),
     "rewards": ("rewards", "rews"),
-    "terminated": ("terminals", "dones", "terminations"),
+    "terminated": ("terminals", "terminations"),
     "truncated": ("timeouts", "truncations"),
+    "done": ("dones",),
+    "times": ("timestamps", "times"),
 }
 KNOWN = tuple(name for names in NAMES.values() for name in names)
 
 
-def source_of(path: Path, arrays: Mapping[str, np.ndarray]) -> Source:
+def source_of(path: Path, arrays: Mapping[str, Rows]) -> Source:
     """Return the source of a file that holds such arrays, by their own names."""
     held: dict[str, Any] = {what: arrays[name] for what, names in NAMES.items() for name in names if name in arrays}
     if missing := [name for name in ("obs", "actions") if name not in held]:
         known = ", ".join(" or ".join(NAMES[name]) for name in missing)
         raise DemoError(path, f"holds no transitions: it lacks {known}.")
-    actions, after = held.pop("actions"), held.pop("next_obs", None)
-    actions = actions[:, None] if actions.ndim == 1 else actions
-    actions = actions.astype(float) if actions.dtype.kind in "biu" else actions
-    raw = Raw(obs={FIELD: held.pop("obs")}, actions=actions, next_obs=None if after is None else {FIELD: after}, **held)
+    after = {FIELD: held.pop("next_obs")} if "next_obs" in held else {}
+    raw = Raw(obs={FIELD: held.pop("obs")}, next_obs=after, **held)
     return Source(path=path, kind="a file of transitions", raw={"episode": lambda: raw}, borders=False)

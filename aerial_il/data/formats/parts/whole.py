@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from aerial_il.core.files import sync_folder
 from aerial_il.data.recording.writer import storing
+
+SPARE = 4 << 20  # bytes, of what HDF5 writes of its own
+
+
+def require_room(path: Path, size: int) -> None:
+    """Require that ``size`` more bytes can be written beside ``path``: HDF5 does not survive a disk that fills up.
+
+    Raises:
+        OSError: they cannot.
+    """
+    with tempfile.TemporaryFile(dir=path.parent) as scratch:
+        os.posix_fallocate(scratch.fileno(), 0, size + SPARE)
 
 
 @contextmanager

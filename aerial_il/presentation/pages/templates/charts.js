@@ -8,7 +8,7 @@ function element(name, attributes, parent) {
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
   return parent.appendChild(made);
 }
-function told(value) { return Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toPrecision(4)); }
+function written(value) { return Math.abs(value) >= 1e5 || (value && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toPrecision(4)); }
 
 function roundTicks(lo, hi, log) {
   if (log && hi / lo >= 10) {
@@ -32,9 +32,9 @@ function enliven(chart) {
     return { title: line.textContent, points, ordered: points.every((p, k) => !k || p[0] >= points[k - 1][0]) };
   }).filter(line => line.points.length);
   const bars = [...data.querySelectorAll("rect")].map(bar => ({ title: bar.textContent, from: bar.x.baseVal.value, to: bar.x.baseVal.value + bar.width.baseVal.value }));
-  const cursor = element("path", { class: "cursor" }, data), found = element("circle", { class: "found", r: 4, visibility: "hidden" }, data);
+  const cursor = element("path", { class: "cursor" }, data), dot = element("circle", { class: "nearest", r: 4, visibility: "hidden" }, data);
   const box = element("rect", { class: "selection", width: 0, height: 0 }, data);
-  marks.push(found);
+  marks.push(dot);
   let view = whole, at = null, start = null;
 
   const share = { x: px => (px - left) / width, y: py => (top + height - py) / height };
@@ -50,7 +50,7 @@ function enliven(chart) {
     const [lo, hi, log] = axes[axis], v = value(axis, pixel);
     const percent = axis === "y" && axes.percent, shown = percent ? 100 * v : v, span = (hi - lo) * (percent ? 100 : 1);
     const digits = Math.min(Math.max(Math.ceil(-Math.log10(span / 500)), 0), 12);
-    return (log ? told(+v.toPrecision(3)) : told(+shown.toFixed(digits))) + (percent ? " %" : "");
+    return (log ? written(+v.toPrecision(3)) : written(+shown.toFixed(digits))) + (percent ? " %" : "");
   };
   const inside = event => {
     const p = new DOMPoint(event.clientX, event.clientY).matrixTransform(chart.getScreenCTM().inverse());
@@ -70,10 +70,10 @@ function enliven(chart) {
     for (const v of roundTicks(value("y", view.y + view.h), value("y", view.y), axes.y[2])) {
       const y = top + (place("y", v) - view.y) / sy;
       element("path", { class: "grid", d: `M${left} ${y}h${width}` }, ticks);
-      element("text", { class: "tick", x: left - 6, y: y + 3.5, "text-anchor": "end" }, ticks).textContent = axes.percent ? `${told(100 * v)} %` : told(v);
+      element("text", { class: "tick", x: left - 6, y: y + 3.5, "text-anchor": "end" }, ticks).textContent = axes.percent ? `${written(100 * v)} %` : written(v);
     }
     for (const v of roundTicks(value("x", view.x), value("x", view.x + view.w), axes.x[2]))
-      element("text", { class: "tick", x: left + (place("x", v) - view.x) / sx, y: top + height + 14, "text-anchor": "middle" }, ticks).textContent = told(v);
+      element("text", { class: "tick", x: left + (place("x", v) - view.x) / sx, y: top + height + 14, "text-anchor": "middle" }, ticks).textContent = written(v);
   }
 
   function nearest(x, y) {
@@ -92,14 +92,14 @@ function enliven(chart) {
     if (!hit) { readout.textContent = stacked.join(", "); return; }
     at = hit.point;
     cursor.setAttribute("d", `M${at[0]} ${view.y}V${view.y + view.h}`);
-    [found.cx.baseVal.value, found.cy.baseVal.value] = at;
-    found.setAttribute("visibility", "visible");
+    [dot.cx.baseVal.value, dot.cy.baseVal.value] = at;
+    dot.setAttribute("visibility", "visible");
     const high = read("y", at[1]);
     const words = [hit.title, `${axes.labels[0]} = ${read("x", at[0])}`, axes.labels[1] ? `${axes.labels[1]} = ${high}` : high];
     readout.textContent = words.filter(Boolean).join(" · ");
   }
   function leave() {
-    cursor.removeAttribute("d"); found.setAttribute("visibility", "hidden");
+    cursor.removeAttribute("d"); dot.setAttribute("visibility", "hidden");
     readout.textContent = "";
   }
   function around([x, y], factor) {

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from mcap.writer import Writer
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -23,9 +24,7 @@ from aerial_il.data.recording.container import LIBRARY
 from aerial_il.data.recording.encoding.images import encode, whole_numbers
 from aerial_il.data.recording.encoding.messages import (
     COMPRESSED_IMAGE,
-    FLOAT_ARRAY,
     JOINT_STATE,
-    POSE_STAMPED,
     TF_MESSAGE,
 )
 from aerial_il.data.recording.encoding.topics import nanoseconds
@@ -38,7 +37,7 @@ LASTING = (  # the quality of service by which late subscribers are served, too:
     "- {history: 1, depth: 1, reliability: 1, durability: 1, liveliness: 1, avoid_ros_namespace_conventions: false, "
     f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness_lease_duration: {FOREVER}}}\n"
 )
-Numbers = np.ndarray | Sequence[float]
+Values = dict[str, Any]  # of a message; those that are left out are zero or empty
 
 
 class Frame(NamedTuple):
@@ -49,29 +48,14 @@ class Frame(NamedTuple):
     pos: np.ndarray
     xyzw: np.ndarray
 
-
-class Marker(NamedTuple):
-    """A solid that stays in a frame: ``kind`` is box, sphere or cylinder; ``size`` (3,) m; ``colour`` (4,) 0 to 1."""
-
-    frame: Frame
-    kind: str
-    size: np.ndarray
-    colour: np.ndarray
-
-
-class Lens(NamedTuple):
-    """A camera without distortion: the size of its pictures, and its focal length, all in pixels."""
-
-    width: int
-    height: int
-    focal: float
+    @property
+    def pose(self) -> Values:
+        """It as a pose."""
+        return {"position": vector(self.pos), "orientation": vector(self.xyzw)}
 
 
 class Bag:
-    """The messages of one flight, in the order of their times; :meth:`save` makes the file.
-
-    A method that adds a message takes its topic, its time in s, and what it says.
-    """
+    """The messages of one flight, in the order of their times; :meth:`save` makes the file."""
 
     def __init__(self) -> None:
         self._file = io.BytesIO()
@@ -80,84 +64,42 @@ class Bag:
         self._channels: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
 
+    def add(self, topic: str, time_s: float, kind: str, values: Values, *, lasting: bool = False) -> None:
+        """Add a message of the type ``kind`` at a time; ``lasting``: it holds for ever."""
+        if topic not in self._channels:
+            service = {"offered_qos_profiles": LASTING} if lasting else {}
+            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schema(kind), service)
+        data, time = bytes(_types().serialize_cdr(message(kind, values), kind)), int(nanoseconds(np.array(time_s)))
+        self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=data)
+
     def frames(self, topic: str, time_s: float, frames: Iterable[Frame], *, lasting: bool = False) -> None:
         """Add where frames are; ``lasting``: for ever."""
         stamped = [
-            _make(
-                "geometry_msgs/msg/TransformStamped",
-                header=_header(time_s, frame.parent),
-                child_frame_id=frame.name,
-                transform=_make(
-                    "geometry_msgs/msg/Transform", translation=_vector(frame.pos), rotation=_quaternion(frame.xyzw)
-                ),
-            )
+            {
+                "header": header(time_s, frame.parent),
+                "child_frame_id": frame.name,
+                "transform": {"translation": vector(frame.pos), "rotation": vector(frame.xyzw)},
+            }
             for frame in frames
         ]
-        self._add(topic, time_s, _make(TF_MESSAGE, transforms=stamped), lasting=lasting)
+        self.add(topic, time_s, TF_MESSAGE, {"transforms": stamped}, lasting=lasting)
 
-    def pose(self, topic: str, time_s: float, frame: Frame) -> None:
-        """Add the pose of something."""
-        self._add(topic, time_s, _make(POSE_STAMPED, header=_header(time_s, frame.parent), pose=_pose(frame)))
-
-    def named(self, topic: str, time_s: float, names: Sequence[str], values: Numbers, rates: Numbers = ()) -> None:
+    def named(self, topic: str, time_s: float, names: Sequence[str], values: Any, rates: Any = ()) -> None:
         """Add named numbers, and how fast they change, as the state of joints."""
-        position, velocity, effort = (np.array(part, float) for part in (values, rates, ()))
-        header = _header(time_s)
-        state = _make(JOINT_STATE, header=header, name=list(names), position=position, velocity=velocity, effort=effort)
-        self._add(topic, time_s, state)
-
-    def number(self, topic: str, time_s: float, value: float) -> None:
-        """Add a number."""
-        layout = _make("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
-        self._add(topic, time_s, _make(FLOAT_ARRAY, layout=layout, data=np.array([value], float)))
-
-    def text(self, topic: str, time_s: float, text: str) -> None:
-        """Add a text that lasts."""
-        self._add(topic, time_s, _make(STRING, data=text), lasting=True)
-
-    def camera(self, topic: str, time_s: float, frame: str, lens: Lens) -> None:
-        """Add how a camera sees: its frame has x to the right, y down, z ahead."""
-        focal, (cx, cy) = lens.focal, (lens.width / 2, lens.height / 2)
-        message = _make(
-            CAMERA_INFO,
-            header=_header(time_s, frame),
-            height=lens.height,
-            width=lens.width,
-            distortion_model="plumb_bob",
-            d=np.zeros(5),
-            k=np.array([focal, 0, cx, 0, focal, cy, 0, 0, 1]),
-            r=np.eye(3).reshape(-1),
-            p=np.array([focal, 0, cx, 0, 0, focal, cy, 0, 0, 0, 1, 0]),
-            binning_x=0,
-            binning_y=0,
-            roi=_make("sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False),
-        )
-        self._add(topic, time_s, message)
+        state = {"header": header(time_s), "name": list(names), "position": values, "velocity": rates}
+        self.add(topic, time_s, JOINT_STATE, state)
 
     def picture(self, topic: str, time_s: float, frame: str, image: np.ndarray) -> None:
         """Add a picture: JPEG of colours (uint8); depth in mm and numbers of objects + 1 as they are."""
-        header = _header(time_s, frame)
+        shown: Values = {"header": header(time_s, frame)}
         if image.dtype == np.uint8:
-            data = np.frombuffer(encode(image), np.uint8)
-            self._add(topic, time_s, _make(COMPRESSED_IMAGE, header=header, format="jpeg", data=data))
+            shown |= {"format": "jpeg", "data": np.frombuffer(encode(image), np.uint8)}
+            self.add(topic, time_s, COMPRESSED_IMAGE, shown)
             return
         height, width = image.shape
-        message = _make(
-            IMAGE,
-            header=header,
-            height=height,
-            width=width,
-            encoding="16UC1",
-            is_bigendian=0,
-            step=2 * width,
-            data=whole_numbers(image).astype("<u2").reshape(-1).view(np.uint8),
-        )
-        self._add(topic, time_s, message)
-
-    def markers(self, topic: str, time_s: float, markers: Sequence[Marker]) -> None:
-        """Add solids that stay in their frames."""
-        made = [_marker(number, time_s, marker) for number, marker in enumerate(markers)]
-        self._add(topic, time_s, _make(MARKERS, markers=made), lasting=True)
+        shown |= {"height": height, "width": width, "encoding": "16UC1", "step": 2 * width}
+        shown["data"] = whole_numbers(image).astype("<u2").reshape(-1).view(np.uint8)
+        self.add(topic, time_s, IMAGE, shown)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file."""
@@ -177,14 +119,6 @@ class Bag:
         with storing(Path(path)):
             return write_atomic(path, self._file.getvalue())
 
-    def _add(self, topic: str, time_s: float, message: Any, *, lasting: bool = False) -> None:
-        kind, time = message.__msgtype__, int(nanoseconds(np.array(time_s)))
-        if topic not in self._channels:
-            service = {"offered_qos_profiles": LASTING} if lasting else {}
-            self._channels[topic] = self._writer.register_channel(topic, "cdr", self._schema(kind), service)
-        data = bytes(_types().serialize_cdr(message, kind))
-        self._writer.add_message(self._channels[topic], log_time=time, publish_time=time, data=data)
-
     def _schema(self, kind: str) -> int:
         if kind not in self._schemas:
             text, _ = _types().generate_msgdef(kind, ros_version=2)
@@ -192,59 +126,34 @@ class Bag:
         return self._schemas[kind]
 
 
+def header(time_s: float, frame: str = "") -> Values:
+    """Return the header of a message about a frame."""
+    seconds, rest = divmod(int(nanoseconds(np.array(time_s))), 10**9)
+    return {"stamp": {"sec": seconds, "nanosec": rest}, "frame_id": frame}
+
+
+def vector(values: Iterable[float], names: str = "xyzw") -> Values:
+    """Return a vector of three, or a quaternion or colour of four numbers by their names."""
+    return dict(zip(names, map(float, values), strict=False))
+
+
+def message(kind: str, values: Values) -> Any:
+    """Return a message of the type ``kind`` with these values, inner messages as mappings."""
+    _, fields = _types().fielddefs[kind]
+    return _types().types[kind](**{name: _part(*of, values.get(name)) for name, of in fields})
+
+
+def _part(node: Nodetype, of: Any, value: Any) -> Any:
+    if node == Nodetype.NAME:
+        return message(of, value or {})
+    if node == Nodetype.BASE:
+        return value if value is not None else "" if of[0] == "string" else 0
+    (inner, name), count = of
+    if inner == Nodetype.NAME:
+        return [message(name, each) for each in value or ()]
+    return list(value or ()) if name[0] == "string" else np.array(np.zeros(count) if value is None else value, name[0])
+
+
 @cache
 def _types() -> Typestore:
     return get_typestore(Stores.ROS2_HUMBLE)
-
-
-def _make(kind: str, **values: Any) -> Any:
-    return _types().types[kind](**values)
-
-
-def _header(time_s: float, frame: str = "") -> Any:
-    seconds, rest = divmod(int(nanoseconds(np.array(time_s))), 10**9)
-    return _make(
-        "std_msgs/msg/Header", stamp=_make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest), frame_id=frame
-    )
-
-
-def _vector(xyz: Numbers, kind: str = "geometry_msgs/msg/Vector3") -> Any:
-    return _make(kind, x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
-
-
-def _quaternion(xyzw: Numbers) -> Any:
-    x, y, z, w = map(float, xyzw)
-    return _make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
-
-
-def _pose(frame: Frame) -> Any:
-    position = _vector(frame.pos, "geometry_msgs/msg/Point")
-    return _make("geometry_msgs/msg/Pose", position=position, orientation=_quaternion(frame.xyzw))
-
-
-def _marker(number: int, time_s: float, marker: Marker) -> Any:
-    kind: Any = _types().types["visualization_msgs/msg/Marker"]
-    shapes = {"box": kind.CUBE, "sphere": kind.SPHERE, "cylinder": kind.CYLINDER}
-    r, g, b, a = map(float, marker.colour)
-    picture = _make(COMPRESSED_IMAGE, header=_header(0.0), format="", data=np.zeros(0, np.uint8))
-    return kind(
-        header=_header(time_s, marker.frame.parent),
-        ns=marker.frame.name,
-        id=number,
-        type=shapes[marker.kind],
-        action=kind.ADD,
-        pose=_pose(marker.frame),
-        scale=_vector(marker.size),
-        color=_make("std_msgs/msg/ColorRGBA", r=r, g=g, b=b, a=a),
-        lifetime=_make("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-        frame_locked=True,
-        points=[],
-        colors=[],
-        texture_resource="",
-        texture=picture,
-        uv_coordinates=[],
-        text="",
-        mesh_resource="",
-        mesh_file=_make("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)),
-        mesh_use_embedded_materials=False,
-    )

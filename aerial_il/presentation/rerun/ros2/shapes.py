@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -53,31 +53,24 @@ HERE = Pose(np.zeros(3), Rotation.identity())
 
 
 def _solids(model: mujoco.MjModel, geom: int) -> Iterator[Solid]:
-    """Yield kind, extents and pose in the geom's frame."""
-    kind, size = Geom(model.geom_type[geom]), model.geom_size[geom]
-    if kind in SOLIDS:
-        yield from SOLIDS[kind](*size)
-    else:  # a mesh or a height field: the box around it
-        yield BOX, tuple(2 * model.geom_aabb[geom, 3:]), shifted(model.geom_aabb[geom, :3])
-
-
-def _box(x: float, y: float, z: float) -> Iterator[Solid]:
-    yield BOX, (2 * x, 2 * y, 2 * z), HERE
-
-
-def _sphere(radius: float, *_: float) -> Iterator[Solid]:
-    yield SPHERE, (2 * radius,) * 3, HERE
-
-
-def _cylinder(radius: float, half: float, *_: float) -> Iterator[Solid]:
-    yield CYLINDER, (2 * radius, 2 * radius, 2 * half), HERE
-
-
-def _capsule(radius: float, half: float, *_: float) -> Iterator[Solid]:
-    """A cylinder with a sphere at each end: URDF has no capsules."""
-    yield from _cylinder(radius, half)
-    for end in (-half, half):
-        yield SPHERE, (2 * radius,) * 3, shifted(np.array([0.0, 0.0, end]))
+    """Yield kind, extents and pose in the geom's frame; URDF has no capsules: a cylinder with a sphere at each end."""
+    kind, (x, y, z) = Geom(model.geom_type[geom]), model.geom_size[geom]
+    match kind:
+        case Geom.mjGEOM_BOX:
+            yield BOX, (2 * x, 2 * y, 2 * z), HERE
+        case Geom.mjGEOM_SPHERE:
+            yield SPHERE, (2 * x,) * 3, HERE
+        case Geom.mjGEOM_CYLINDER | Geom.mjGEOM_CAPSULE:
+            yield CYLINDER, (2 * x, 2 * x, 2 * y), HERE
+            for end in (-y, y) if kind == Geom.mjGEOM_CAPSULE else ():
+                yield SPHERE, (2 * x,) * 3, shifted(np.array([0.0, 0.0, end]))
+        case Geom.mjGEOM_ELLIPSOID:
+            yield from _ellipsoid(x, y, z)
+        case Geom.mjGEOM_PLANE:  # a flat piece of the ground, as large as the scene needs
+            sides = [2 * (side if 0 < side < GROUND_HALF_M else GROUND_HALF_M) for side in (x, y)]
+            yield BOX, (sides[0], sides[1], GROUND_M), shifted(np.array([0.0, 0.0, -GROUND_M / 2]))
+        case _:  # a mesh or a height field: the box around it
+            yield BOX, tuple(2 * model.geom_aabb[geom, 3:]), shifted(model.geom_aabb[geom, :3])
 
 
 def _ellipsoid(*half: float) -> Iterator[Solid]:
@@ -90,19 +83,3 @@ def _ellipsoid(*half: float) -> Iterator[Solid]:
         across = 2 * wide * np.sqrt(1 - (high**2 + high * low + low**2) / 3)  # mean of 1 - h^2 over the slice
         middle = upright[:, 2] * half[thin] * (low + high) / 2
         yield CYLINDER, (across, across, half[thin] * (high - low)), Pose(middle, turned)
-
-
-def _plane(x: float, y: float, _: float) -> Iterator[Solid]:
-    """A flat piece of the ground, as large as the scene needs."""
-    sides = [2 * (side if 0 < side < GROUND_HALF_M else GROUND_HALF_M) for side in (x, y)]
-    yield BOX, (sides[0], sides[1], GROUND_M), shifted(np.array([0.0, 0.0, -GROUND_M / 2]))
-
-
-SOLIDS: Mapping[Geom, Callable[..., Iterator[Solid]]] = {
-    Geom.mjGEOM_BOX: _box,
-    Geom.mjGEOM_SPHERE: _sphere,
-    Geom.mjGEOM_CYLINDER: _cylinder,
-    Geom.mjGEOM_CAPSULE: _capsule,
-    Geom.mjGEOM_ELLIPSOID: _ellipsoid,
-    Geom.mjGEOM_PLANE: _plane,
-}

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
+import time
 from hashlib import sha256
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from aerial_il.cli.sweeps import job as jobs_of
 from aerial_il.cli.sweeps.job import Job
 from aerial_il.workflows import collect
 
+pytestmark = pytest.mark.usefixtures("no_commit")
 WORDS = ["collect", "robot=quad", "task=hover", "episodes=10", "seed=3", "num_envs=2", "progress=false"]
 
 
@@ -45,10 +48,11 @@ def test_the_dataset_is_the_same_whoever_records_or_is_killed(
     def start(job: Job, **limits: int) -> subprocess.Popen[bytes]:
         process = jobs_of.start(job, **limits)
         if job.name in victims - killed:
-            killed.add(job.name)
             while process.poll() is None and not list((tmp_path / "ds" / "demos").glob("*.mcap*")):
-                pass
+                time.sleep(0.002)
             process.kill()
+            assert process.wait() == -signal.SIGKILL, "it was done before"
+            killed.add(job.name)
         return process
 
     monkeypatch.setattr(processes, "start", start)

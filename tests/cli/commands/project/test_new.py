@@ -47,14 +47,6 @@ def test_an_algorithm_fulfils_its_contract(tmp_path: Path) -> None:
         test_algorithms.test_impossible_settings_are_refused("my_learner")
 
 
-@pytest.mark.slow
-def test_an_algorithm_learns_and_resumes(tmp_path: Path) -> None:
-    written("algorithm", "my_learner", tmp_path)
-    with found_beside_ours(tmp_path):
-        test_algorithms.test_it_learns_more_than_its_start(tmp_path / "learns", "my_learner")
-        test_algorithms.test_killed_in_the_middle_it_ends_with_the_same_bytes(tmp_path / "resumes", "my_learner")
-
-
 def test_a_robot_is_found(tmp_path: Path) -> None:
     written("robot", "my_hexa", tmp_path)
     with found_beside_ours(tmp_path):

@@ -33,10 +33,10 @@ def test_it_lists_what_fulfils_the_conditions_and_names_the_rest(
 
 def test_json_has_rows_axes_and_what_was_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["runs", str(folder), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
-    assert [row["success"] for row in found["runs"]] == [0.9, 0.7, 0.2]
-    assert found["axes"] == {"seed": [0, 1, 2]}
-    assert list(found["refused"]) == [str(folder / "foreign")]
+    result = json.loads(capsys.readouterr().out)
+    assert [row["success"] for row in result["runs"]] == [0.9, 0.7, 0.2]
+    assert result["axes"] == {"seed": [0, 1, 2]}
+    assert list(result["refused"]) == [str(folder / "foreign")]
 
 
 def test_columns_are_chosen_among_results_and_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

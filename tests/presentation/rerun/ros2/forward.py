@@ -13,13 +13,13 @@ def poses(urdf: str, values: Mapping[str, float]) -> dict[str, np.ndarray]:
     """Return link -> (4, 4) pose in the root link, for joints at ``values``; a floating joint cannot be evaluated."""
     robot = ET.fromstring(urdf.encode())
     held = {_link(joint, "child"): joint for joint in robot.iter("joint")}
-    found: dict[str, np.ndarray] = {}
+    result: dict[str, np.ndarray] = {}
 
     def pose(link: str) -> np.ndarray:
-        if link not in found:
+        if link not in result:
             joint = held.get(link)
-            found[link] = np.eye(4) if joint is None else pose(_link(joint, "parent")) @ _held(joint, values)
-        return found[link]
+            result[link] = np.eye(4) if joint is None else pose(_link(joint, "parent")) @ _held(joint, values)
+        return result[link]
 
     return {str(link.get("name")): pose(str(link.get("name"))) for link in robot.findall("link")}
 

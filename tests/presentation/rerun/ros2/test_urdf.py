@@ -87,11 +87,11 @@ def joint_values(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, float]
 @pytest.mark.parametrize("seed", [0, 1])
 def test_forward_kinematics_are_mujoco_s(model: mujoco.MjModel, seed: int) -> None:
     data, tree = placed(model, seed), tree_of(model)
-    found = poses(urdf_of(model, tree, "robot"), joint_values(model, data))
+    result = poses(urdf_of(model, tree, "robot"), joint_values(model, data))
     root = tree.bodies[tree.root]
     assert len(tree.bodies) == robot_bodies(model).sum()
     for link, body in tree.bodies.items():
-        np.testing.assert_allclose(found[link], relative(data, root, body), atol=1e-7, err_msg=link)
+        np.testing.assert_allclose(result[link], relative(data, root, body), atol=1e-7, err_msg=link)
 
 
 def test_mujoco_reads_the_same_robot_back(model: mujoco.MjModel) -> None:
@@ -152,6 +152,6 @@ def test_a_robot_that_is_held_by_joints_begins_at_the_world() -> None:
     assert tree.root == WORLD
     assert [joint.kind for joint in tree.joints] == ["prismatic", "prismatic", "continuous"]
     text = urdf_of(crane_model(), tree, "crane")
-    found = poses(text, {"x": 0.5, "z": 1.0, "swing": np.pi / 2})
-    np.testing.assert_allclose(found["hook"][:3, 3], [0.5, 0.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found["hook"][:3, 2], [1.0, 0.0, 0.0], atol=1e-12)
+    result = poses(text, {"x": 0.5, "z": 1.0, "swing": np.pi / 2})
+    np.testing.assert_allclose(result["hook"][:3, 3], [0.5, 0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(result["hook"][:3, 2], [1.0, 0.0, 0.0], atol=1e-12)

@@ -42,13 +42,13 @@ class Read(NamedTuple):
 def view(episodes: list[Episode], tmp_path_factory: pytest.TempPathFactory) -> Read:
     path, store = tmp_path_factory.mktemp("ros2") / "flight.mcap", get_typestore(Stores.ROS2_HUMBLE)
     write_view(episodes[0], path)
-    found = defaultdict(list)
+    result = defaultdict(list)
     with open(path, "rb") as file:
         reader = make_reader(file, validate_crcs=True)
         for schema, channel, message in reader.iter_messages():
             assert schema is not None
-            found[channel.topic].append(store.deserialize_cdr(message.data, schema.name))
-        return Read(path, found, {a.name: a.data for a in reader.iter_attachments()})
+            result[channel.topic].append(store.deserialize_cdr(message.data, schema.name))
+        return Read(path, result, {a.name: a.data for a in reader.iter_attachments()})
 
 
 def frames(view: Read, step: int) -> dict[str, np.ndarray]:
@@ -62,13 +62,13 @@ def frames(view: Read, step: int) -> dict[str, np.ndarray]:
             )
             assert one.child_frame_id not in held, "a frame has one parent"
             held[one.child_frame_id] = (one.header.frame_id, matrix)
-    found = {WORLD: np.eye(4)}
+    result = {WORLD: np.eye(4)}
 
     def pose(name: str) -> np.ndarray:
-        if name not in found:
+        if name not in result:
             parent, matrix = held[name]
-            found[name] = pose(parent) @ matrix
-        return found[name]
+            result[name] = pose(parent) @ matrix
+        return result[name]
 
     return {name: pose(name) for name in held}
 
@@ -80,25 +80,25 @@ def matrix_of(pos: np.ndarray, mat: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("step", STEPS)
 def test_every_frame_is_where_mujoco_says(view: Read, episodes: list[Episode], step: int) -> None:
     model, data = posed(episodes[0], step)
-    found = frames(view, step)
+    result = frames(view, step)
     for body in range(1, model.nbody):
         expected = matrix_of(data.xpos[body], data.xmat[body])
-        np.testing.assert_allclose(found[body_name(model, body)], expected, atol=1e-9)
+        np.testing.assert_allclose(result[body_name(model, body)], expected, atol=1e-9)
     tool = data.site("tool")
-    np.testing.assert_allclose(found["tool"], matrix_of(tool.xpos, tool.xmat), atol=1e-9)
+    np.testing.assert_allclose(result["tool"], matrix_of(tool.xpos, tool.xmat), atol=1e-9)
     flip = np.diag([1.0, -1.0, -1.0])
     for camera in range(model.ncam):
         expected = matrix_of(data.cam_xpos[camera], data.cam_xmat[camera].reshape(3, 3) @ flip)
-        np.testing.assert_allclose(found[f"{model.camera(camera).name}_optical"], expected, atol=1e-9)
+        np.testing.assert_allclose(result[f"{model.camera(camera).name}_optical"], expected, atol=1e-9)
 
 
 @pytest.mark.parametrize("step", STEPS)
 def test_the_urdf_at_the_joint_states_gives_the_same_frames(view: Read, step: int) -> None:
-    told, found = view.messages["/joint_states"][step], frames(view, step)
+    told, result = view.messages["/joint_states"][step], frames(view, step)
     links = poses(view.attached[URDF].decode(), dict(zip(told.name, told.position, strict=True)))
     assert set(links) == {"base", "link_0", "link_1", "link_2", "link_3", "palm", "finger_left", "finger_right"}
     for link, pose in links.items():
-        np.testing.assert_allclose(found["base"] @ pose, found[link], atol=1e-7, err_msg=link)
+        np.testing.assert_allclose(result["base"] @ pose, result[link], atol=1e-7, err_msg=link)
 
 
 def test_joints_are_called_and_move_as_the_model_s(view: Read, episodes: list[Episode]) -> None:
@@ -170,8 +170,8 @@ def test_the_camera_sees_the_cube_where_its_matrix_says(view: Read, episodes: li
     told = view.messages["/camera/wrist_rgb/camera_info"][0]
     assert (told.height, told.width) == SIZE
     step, rows, columns = next(drawn_cube(episodes[0]))
-    found = frames(view, step)
-    x, y, depth = told.k.reshape(3, 3) @ (np.linalg.inv(found["wrist_optical"]) @ found["cube"])[:3, 3]
+    result = frames(view, step)
+    x, y, depth = told.k.reshape(3, 3) @ (np.linalg.inv(result["wrist_optical"]) @ result["cube"])[:3, 3]
     assert depth > 0
     assert (x / depth, y / depth) == pytest.approx((columns.mean() + 0.5, rows.mean() + 0.5), abs=1.0)
 

@@ -68,14 +68,33 @@ class StateWriter:
         place = {"data/chunk_index": self._chunk, "data/file_index": self._file}
         place |= {"dataset_from_index": start, "dataset_to_index": start + length}
         statistics = {name: _statistics(values) for name, values in ordered.items() if values.dtype.kind != "U"}
-        self.meta.save_episode(episode, length, [task], statistics, place)
+        self._keep({"episode_index": episode, "tasks": [task], "length": length, **place}, statistics)
 
     def close(self) -> None:
-        """Write the footers, without which nothing can be read."""
+        """Write the footers, without which nothing can be read, and what is known of the whole."""
+        from lerobot.datasets.io_utils import write_info, write_stats
+
         if self._parquet is not None:
             self._parquet.close()
             self._parquet = None
+        if self.meta.stats is not None:
+            write_info(self.meta.info, self.root)
+            write_stats(self.meta.stats, self.root)
         self.meta.finalize()
+
+    def _keep(self, episode: dict[str, Any], statistics: dict[str, dict[str, np.ndarray]]) -> None:
+        """Do what ``save_episode`` of lerobot's metadata does, without writing all of it anew for each episode."""
+        from lerobot.datasets.compute_stats import aggregate_stats
+        from lerobot.utils.utils import flatten_dict
+
+        meta, info = self.meta, self.meta.info
+        meta._save_episode_metadata({**episode, **flatten_dict({"stats": statistics})})
+        info.total_episodes, info.total_frames = info.total_episodes + 1, info.total_frames + episode["length"]
+        info.total_tasks, info.splits = (
+            0 if meta.tasks is None else len(meta.tasks),
+            {"train": f"0:{info.total_episodes}"},
+        )
+        meta.stats = aggregate_stats([meta.stats, statistics]) if meta.stats is not None else statistics
 
     def _write(self, columns: Mapping[str, np.ndarray], start: int, length: int) -> None:
         from lerobot.datasets.utils import update_chunk_file_indices

@@ -1,20 +1,23 @@
-"""Decode the pictures of a LeRobot dataset: of each camera, the part of a video that belongs to an episode."""
+"""Decode the pictures of a LeRobot dataset: of each camera, those that a video shows at an episode's time stamps."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
-from aerial_il.core.errors import DemoError, UnknownNameError
+from aerial_il.core.errors import DemoError
 from aerial_il.core.lerobot_names import IMAGES
 from aerial_il.core.specs import Field, image_name
 
-MAX_PICTURES_BYTES = 400 << 20  # of one camera in one episode
 MOST_SKIPPED = 5_000  # pictures between the key frame that a decoder begins with and an episode's first
+MOST_A_STEP = 20  # pictures between two time stamps
+NEAR = 0.75  # of a control period: further from a time stamp a picture is none of it
 CHANNELS = 3
 
 
@@ -23,22 +26,21 @@ class Clip:
     """Where the pictures of one episode lie.
 
     Attributes:
-        file: the video. start_s: time of the first picture in it. steps: how many. period_s: between two.
+        file: the video. times_s: (T,) when each was taken, in the time of the video. period_s: between two.
         shape: height, width and channels.
     """
 
     file: Path
-    start_s: float
-    steps: int
+    times_s: np.ndarray
     period_s: float
     shape: tuple[int, ...]
 
 
 def camera_fields(features: Mapping[str, Any]) -> tuple[Field, ...]:
-    """Return a field ``<camera>_rgb`` (H, W, 3) for each feature that is a colour video; depth is left out."""
+    """Return a field ``<camera>_rgb`` (H, W, 3) for each feature of colour videos or stills; depth is left out."""
     found = []
     for key, feature in features.items():
-        if feature.get("dtype") != "video" or _is_depth(feature):
+        if feature.get("dtype") not in ("video", "image") or _is_depth(feature):
             continue
         shape, names = tuple(map(int, feature["shape"])), list(feature.get("names") or ())
         if names and str(names[0]).startswith("channel"):
@@ -53,67 +55,64 @@ def field_name(key: str) -> str:
     return image_name(key.removeprefix(IMAGES).removeprefix("observation."))
 
 
-def wanted_cameras(cameras: bool | Sequence[str], fields: Sequence[Field]) -> tuple[Field, ...]:
-    """Return the fields that were asked for.
-
-    Raises:
-        UnknownNameError: the dataset has no such video.
-    """
-    if isinstance(cameras, bool):
-        return tuple(fields) if cameras else ()
-    by_name = {field.name: field for field in fields}
-    for name in cameras:
-        if name not in by_name:
-            raise UnknownNameError("camera with a video", name, by_name, "Leave it out: policy.images=[]")
-    return tuple(by_name[name] for name in cameras)
-
-
-def clip_of(path: Path, info: Mapping[str, Any], row: Mapping[str, Any], field: Field) -> Clip:
+def clip_of(
+    path: Path, info: Mapping[str, Any], row: Mapping[str, Any], key: str, field: Field, times_s: np.ndarray
+) -> Clip:
     """Return where the pictures of an episode lie.
 
     Args:
-        path: of the dataset. info: its ``info.json``. row: of the episode, from ``meta/episodes``. field: the camera.
+        path: of the dataset. info: its ``info.json``. row: of the episode, from ``meta/episodes``.
+        key, field: of the camera. times_s: (T,) of its rows, since the episode began.
 
     Raises:
-        DemoError: the pictures would take too much memory. KeyError, ValueError: a place is missing.
+        DemoError: outside the dataset. KeyError, ValueError: a place is missing.
     """
-    (key,) = (key for key in info["features"] if field_name(key) == field.name)
     place = {name: int(row[f"videos/{key}/{name}"]) for name in ("chunk_index", "file_index")}
     relative = PurePosixPath(str(info["video_path"]).format(video_key=key, **place))
-    file, steps = path / relative, int(row["length"])
+    file = path / relative
     if ".." in relative.parts or relative.is_absolute() or not file.resolve().is_relative_to(path.resolve()):
         raise DemoError(path, "refers to a place outside itself.", got=str(relative))
-    if (size := steps * field.size) > MAX_PICTURES_BYTES:
-        raise DemoError(file, "is too large.", expected=f"at most {MAX_PICTURES_BYTES} bytes", got=size)
-    return Clip(file, float(row[f"videos/{key}/from_timestamp"]), steps, 1 / float(info["fps"]), field.shape)
+    start_s = float(row[f"videos/{key}/from_timestamp"])
+    return Clip(file, start_s + times_s, 1 / float(info["fps"]), field.shape)
 
 
 def read_clip(clip: Clip) -> np.ndarray:
-    """Return the pictures (steps + 1, H, W, 3) uint8; the last one stands in for the terminal one.
+    """Return the pictures (T, H, W, 3) uint8: of each time stamp the one nearest to it.
 
     Raises:
         DemoError: the video is missing, damaged, of another size, or lacks pictures.
     """
     from av.error import FFmpegError
 
-    pictures, seen = np.zeros((clip.steps + 1, *clip.shape), np.uint8), np.zeros(clip.steps, bool)
+    pictures, seen = np.zeros((len(clip.times_s), *clip.shape), np.uint8), np.zeros(len(clip.times_s), bool)
     if not clip.file.is_file():
         raise DemoError(clip.file, "is missing.")
+    order = np.argsort(clip.times_s, kind="stable")
     try:
-        for number, picture in _decoded(clip):
-            pictures[number], seen[number] = picture, True
-            if number == clip.steps - 1:
-                break
+        for place, picture in _nearest(clip, clip.times_s[order]):
+            pictures[order[place]], seen[order[place]] = picture, True
     except (FFmpegError, IndexError, OSError) as error:
         raise DemoError(clip.file, f"cannot be decoded ({error}).") from error
     if not seen.all():
-        raise DemoError(clip.file, "lacks pictures of an episode.", expected=clip.steps, got=int(seen.sum()))
-    pictures[-1] = pictures[-2]
+        raise DemoError(clip.file, "lacks pictures of an episode.", expected=len(seen), got=int(seen.sum()))
     return pictures
 
 
-def _decoded(clip: Clip) -> Iterator[tuple[int, np.ndarray]]:
-    """Yield the pictures of a clip with their step."""
+def _nearest(clip: Clip, times_s: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the place of each of the times, which ascend, with the picture nearest to it, if it is near enough."""
+    place, before = 0, None
+    for frame in chain(_decoded(clip, times_s), [None]):
+        while before is not None and place < len(times_s):
+            if frame is not None and times_s[place] > (before.time + frame.time) / 2:
+                break
+            if abs(before.time - times_s[place]) <= NEAR * clip.period_s:
+                yield place, before.to_ndarray(format="rgb24")
+            place += 1
+        before = frame
+
+
+def _decoded(clip: Clip, times_s: np.ndarray) -> Iterator[Any]:
+    """Yield the frames of a video from the first of the times on, up to one after the last."""
     import av
 
     with av.open(str(clip.file)) as video:
@@ -121,13 +120,38 @@ def _decoded(clip: Clip) -> Iterator[tuple[int, np.ndarray]]:
         found = (stream.codec_context.height, stream.codec_context.width, CHANNELS)
         if found != clip.shape or stream.time_base is None:
             raise DemoError(clip.file, "has pictures of another size.", expected=clip.shape, got=found)
-        video.seek(max(0, round(clip.start_s / stream.time_base) - 1), backward=True, stream=stream)
+        video.seek(max(0, round(times_s[0] / stream.time_base) - 1), backward=True, stream=stream)
+        after = 0
         for count, frame in enumerate(video.decode(stream)):
-            number = -1 if frame.time is None else round((frame.time - clip.start_s) / clip.period_s)
-            if number >= clip.steps or count > clip.steps + MOST_SKIPPED:
+            if count > MOST_SKIPPED + MOST_A_STEP * len(times_s):
                 return
-            if number >= 0 and (frame.height, frame.width) == clip.shape[:2]:
-                yield number, frame.to_ndarray(format="rgb24")
+            if frame.time is not None and (frame.height, frame.width) == clip.shape[:2]:
+                yield frame
+                after += frame.time > times_s[-1]
+            if after:
+                return
+
+
+def read_stills(path: Path, files: Sequence[Path], key: str, episode: int, shape: tuple[int, ...]) -> np.ndarray:
+    """Return the pictures (T, H, W, 3) uint8 that Parquet files hold, encoded, in a column.
+
+    Raises:
+        DemoError: one cannot be decoded, or is of another size.
+    """
+    import pyarrow.dataset as arrow
+    from PIL import Image
+
+    rows = arrow.dataset([str(file) for file in files]).to_table([key], filter=arrow.field("episode_index") == episode)
+    pictures = np.zeros((len(rows), *shape), np.uint8)
+    for step, held in enumerate(rows[key].to_pylist()):
+        try:
+            still = Image.open(io.BytesIO(held["bytes"]), formats=("PNG", "JPEG"))
+            if (found := (still.height, still.width)) != shape[:2]:
+                raise DemoError(path, "has a picture of another size.", step=step, field=key, expected=shape, got=found)
+            pictures[step] = np.asarray(still.convert("RGB"))
+        except (OSError, SyntaxError, TypeError, KeyError, Image.DecompressionBombError) as error:
+            raise DemoError(path, f"has a picture that cannot be decoded ({error}).", step=step, field=key) from error
+    return pictures
 
 
 def _is_depth(feature: Mapping[str, Any]) -> bool:
