@@ -150,7 +150,7 @@ class _Collector:
         self._longest = longest or np.iinfo(np.int64).max
         self._policies = [each for each in (policy, expert) if each is not None]
         self.result = Collection(folder)
-        self.recorder = Recorder(env.spec, env.model.nu, env.num_envs)
+        self.recorder = Recorder(env.spec, env.ctrl.shape[1], env.num_envs)
         self.written: dict[str, str] = {}  # uid -> SHA-256
         self.origin = Origin(
             env.spec,

@@ -17,7 +17,7 @@ MAX_BODIES, MAX_CELLS, MAX_NAME = 4_000, 16_000_000, 200
 LARGEST = 1e12  # of any number that has no limit of its own
 LIMITS = {
     "width": 4096, "height": 24_576, "offwidth": 8192, "offheight": 8192, "offsamples": 16, "shadowsize": 16_384,
-    "numslices": 256, "numstacks": 256, "numquads": 64, "nuserdata": 100_000, "iterations": 1000,
+    "numslices": 256, "numstacks": 256, "numquads": 64, "nuserdata": 100_000, "nuser_site": 100, "iterations": 1000,
     "ls_iterations": 1000, "noslip_iterations": 1000, "ccd_iterations": 1000, "maxhullvert": 20_000, "mass": 1e5,
     "density": 1e6, "num": 100,
 }  # fmt: skip
@@ -59,7 +59,7 @@ ALLOWED = {
     "flag": "constraint equality frictionloss limit contact passive spring damper gravity clampctrl warmstart "
     "filterparent actuation refsafe sensor midphase eulerdamp autoreset nativeccd island override energy fwdinv "
     "invdiscrete multiccd sleep diagexact",
-    "size": "memory nuserdata",
+    "size": "memory nuserdata nuser_site",
     "statistic": "meaninertia meanmass meansize extent center",
     "visual": "",
     "global": "cameraid orthographic fovy ipd azimuth elevation linewidth glow offwidth offheight realtime "
@@ -87,7 +87,7 @@ ALLOWED = {
     "freejoint": "name group align",
     "geom": _PLACED + "type contype conaffinity condim group priority size material friction mass density shellinertia "
     "solmix solref solimp margin gap fromto mesh fitscale rgba fluidshape fluidcoef geom sidesite",
-    "site": _PLACED + "type group size fromto material rgba site",
+    "site": _PLACED + "type group size fromto material rgba site user",
     "camera": _PLACED + "mode target projection orthographic fovy ipd resolution focal focalpixel principal "
     "principalpixel sensorsize",
     "light": _PLACED + "mode target type directional castshadow active dir diffuse ambient specular attenuation cutoff "

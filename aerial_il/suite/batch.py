@@ -52,7 +52,8 @@ class BatchEnvironment:
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()
-        model = physics_model(self.model, scenario.xml)
+        varied = {name for part in scenario.tier.parts.values() for name in part.varies}
+        model = physics_model(self.model, scenario.xml, pairs="geom_friction" not in varied)
         model.opt.timestep = PHYSICS_DT_S / refinement
         worlds = PhysicsBatch.many(model, num_envs)
         self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
@@ -88,8 +89,8 @@ class BatchEnvironment:
 
     @property
     def ctrl(self) -> np.ndarray:
-        """(n, nu) copy of the actuator commands: rotors (N), servos (rad), gripper (m)."""
-        return self.simulation.ctrl.copy()
+        """(n, R + nu) commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
+        return self.simulation.ctrl
 
     @property
     def sim_time(self) -> np.ndarray:

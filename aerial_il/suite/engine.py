@@ -7,5 +7,5 @@ raised by whoever changes what a bit of a flight depends on.
 from __future__ import annotations
 
 # 1: recordings do not name it. 2, never released: solver from rest, no islands, hard tables. 3: grips without torsion.
-# 4: the arm gives way to what the tool is pressed against.
+# 4: rotors push as a wrench of the flight loop, and the arm gives way to what the tool is pressed against.
 ENGINE = "4"

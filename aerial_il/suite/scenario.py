@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
@@ -18,6 +19,7 @@ from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
 from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.rotors import rotor_wrenches
 from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
 from aerial_il.suite.sensors import robot_fields
@@ -122,6 +124,16 @@ class Scenario:
         return mujoco.MjModel.from_xml_string(self.xml)
 
     @cached_property
+    def rotors(self) -> np.ndarray:
+        """(R, 6) force and torque about the base origin of each rotor per newton of thrust, base frame; as built."""
+        return rotor_wrenches(self._compiled)
+
+    @cached_property
+    def _compiled(self) -> mujoco.MjModel:
+        """A model to look things up in."""
+        return self.compile()
+
+    @cached_property
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""
         images = tuple(
@@ -139,7 +151,7 @@ class Scenario:
             max_steps=self.horizon or limit_of(self.task),
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
-            state_size=mujoco.mj_stateSize(self.compile(), STATE),
+            state_size=mujoco.mj_stateSize(self._compiled, STATE),
             disturbances=self.disturbances,
             controller=self.controller,
         )

@@ -39,6 +39,7 @@ def build_xml(robot: Robot, task: Task, memory: int = USERDATA_SIZE) -> str:
     _add_arena(spec)
     _add_scene_camera(spec, robot, task.scene_height_m)
     robot.add_to(spec)
+    _unplug_rotors(spec, robot)
     task.add_props(spec, robot)
     _add_contact_sensors(spec, robot)
     spec.compile()
@@ -94,6 +95,12 @@ def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot, height: float) -> None:
     away = SCENE_AWAY * (1.0 + SCENE_RETREAT * excess)
     centre = np.array([0.0, 0.0, height + 0.15 * excess])
     spec.worldbody.add_camera(name="scene", pos=centre + away, quat=look_along(-away), fovy=42)
+
+
+def _unplug_rotors(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Take the rotors' actuators out: the flight loop pushes the base itself, for less than MuJoCo's transmissions."""
+    for i in range(robot.num_rotors):
+        spec.delete(spec.actuator(f"rotor_{i}"))
 
 
 def _add_contact_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:

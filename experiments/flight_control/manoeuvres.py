@@ -45,7 +45,7 @@ class Mismatch:
             base = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, "base")
             model.body_mass[base] *= self.mass
             model.body_inertia[base] *= self.mass
-            model.actuator_gainprm[0, 0] *= self.motor
+            env.simulation.disturbances.rotor_gain[world, 0] *= self.motor
 
 
 NOMINAL = Mismatch()
@@ -186,7 +186,7 @@ def hold(pilot: Pilot, tier: str, seeds: np.ndarray, *, threads: int, mismatch: 
     """
     with Flight(pilot, tier, seeds, HELD_S, threads, mismatch) as flight:
         view = flight.env.simulation.view
-        thrusts = view.worlds.bind("act")
+        thrusts = view.thrust
 
         def seen() -> np.ndarray:
             tilt = np.where(flight.flying, np.arccos(np.clip(view.base_mat[:, 8], -1.0, 1.0)), np.nan)
@@ -245,7 +245,7 @@ def decision_us(pilot: Pilot) -> float:
         policy, obs, view = pilot.policy(), flight.env.observe(), flight.env.simulation.view
         if not isinstance(pilot, LawPilot):
             return _median_us(lambda: policy.act(obs))
-        command, thrust = policy.act(obs)[0], view.worlds.bind("act")[0]
+        command, thrust = policy.act(obs)[0], view.thrust[0]
         state = view.qpos[0, :7].copy(), view.qvel[0, :6].copy(), thrust.copy()
         controller = Controller(view.robot.vehicle, level="base_joint", law=pilot.law)
         return _median_us(lambda: [controller.update(command, *state) for _ in range(controller.ticks_per_action)])

@@ -81,7 +81,7 @@ def dropped() -> tuple[BatchEnvironment, list[np.ndarray]]:
     view = worlds.simulation.view
     view.qpos[:, :3] = view.mocap_pos[:, view.mocap_id("pad")] + np.array([[0.0, 0.0, STAND_M + h] for h in DROPS_M])
     view.qpos[:, 3:7], view.qvel[:] = [1.0, 0.0, 0.0, 0.0], 0.0
-    view.worlds.bind("act")[:] = 0.0
+    view.thrust[:] = 0.0
     off = np.zeros((len(DROPS_M), 4))
     heights = []
     for _ in range(100):

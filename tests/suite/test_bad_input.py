@@ -110,7 +110,7 @@ def test_physics_that_blows_up_names_seed_and_step(field: str, value: float) -> 
         assert (caught.value.seed, caught.value.step) == (31, 3)
 
 
-@pytest.mark.parametrize(("field", "value"), [("qvel", np.nan), ("qvel", 1e12), ("qpos", np.nan), ("act", np.inf)])
+@pytest.mark.parametrize(("field", "value"), [("qvel", np.nan), ("qvel", 1e12), ("qpos", np.nan), ("userdata", np.inf)])
 def test_a_state_that_is_not_sound_is_refused(field: str, value: float) -> None:
     worlds, env, hover = flown_to_step_3()
     sound = worlds.get_state()

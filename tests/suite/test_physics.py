@@ -11,7 +11,7 @@ from aerial_il.control.allocation import wrench_matrix
 from aerial_il.control.vehicle import GRAVITY, Vehicle
 from aerial_il.core.rotations import IDENTITY
 from aerial_il.suite.environment import AerialEnvironment
-from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, ground_effect, quadratic_drag
+from aerial_il.suite.physics.aerodynamics import GROUND_EFFECT, air_wrench, follow, ground_effect, quadratic_drag
 from aerial_il.suite.physics.hooks import EFFECTS
 from tests.contract.registered import CELLS, batch, hold_actions, single
 
@@ -48,15 +48,14 @@ def test_hovering_takes_the_weight(robot: str) -> None:
     for k in range(150):
         worlds.step(stay)
         if k >= 50:
-            act = worlds.simulation.worlds.bind("act")[:, : len(vehicle.rotor_max)]
-            lift.append(act @ vehicle.rotor_axis[:, 2])
+            lift.append(worlds.simulation.view.thrust @ vehicle.rotor_axis[:, 2])
     np.testing.assert_allclose(np.mean(lift), weight, rtol=0.01)
 
 
 @each_robot
 def test_without_thrust_it_falls_freely(robot: str) -> None:
     env, _, off = rotor_world(robot)
-    env.simulation.worlds.bind("act")[:] = 0.0
+    env.simulation.view.thrust[:] = 0.0
     before, steps = env.get_state(), 10
     for _ in range(steps):
         env.step(off)
@@ -73,31 +72,31 @@ def test_without_thrust_it_falls_freely(robot: str) -> None:
 @each_robot
 def test_rotors_rise_and_fall_with_their_own_time_constants(robot: str) -> None:
     env, vehicle, action = rotor_world(robot)
-    act, rotors = env.simulation.worlds.bind("act"), len(vehicle.rotor_max)
+    thrust, rotors = env.simulation.view.thrust[0], len(vehicle.rotor_max)
     start = 0.3 * vehicle.rotor_max[0]
     for target, tau in ((0.8, vehicle.rotor_tau_up), (0.1, vehicle.rotor_tau_down)):
         env.reset(seed=2)
-        act[0, :rotors] = start
+        thrust[:] = start
         action[:rotors] = target * vehicle.rotor_max
         env.step(action)
         expected = action[0] + (start - action[0]) * np.exp(-STEP_S / tau)
-        np.testing.assert_allclose(act[0, :rotors], expected, rtol=1e-9)
+        np.testing.assert_allclose(thrust, expected, rtol=1e-9)
 
 
 @each_robot
 def test_each_rotor_pushes_and_twists_as_the_controller_believes(robot: str) -> None:
-    env, vehicle, _ = rotor_world(robot)
-    model = env.physics.model.ptr
-    data, believed = (
-        mujoco.MjData(model),
-        wrench_matrix(vehicle.rotor_pos, vehicle.rotor_axis, vehicle.rotor_drag_ratio),
-    )
+    env, vehicle, off = rotor_world(robot)
+    believed = wrench_matrix(vehicle.rotor_pos, vehicle.rotor_axis, vehicle.rotor_drag_ratio)
+    view, applied = env.simulation.view, env.physics.data.qfrc_applied
     for i in range(len(vehicle.rotor_max)):
-        data.act[:] = 0.0
-        data.act[i] = data.ctrl[i] = 1.0
-        mujoco.mj_forward(model, data)
-        np.testing.assert_allclose(data.actuator_force[i], 1.0)
-        np.testing.assert_allclose(_rotor_force(model, data, i), believed[:, i], atol=1e-5)
+        env.reset(seed=2)
+        rot = view.base_mat.reshape(3, 3).copy()
+        view.thrust[:] = 0.0
+        view.thrust[0, i] = 1.0
+        env.simulation.receive(off[None])
+        env.simulation.fly(1)
+        found = np.concatenate([rot.T @ applied[:3], applied[3:6]])
+        np.testing.assert_allclose(found, believed[:, i], atol=1e-3, err_msg="the ground adds a little")
     own_axis = np.einsum("ri,ir->r", vehicle.rotor_axis, believed[3:]) - np.einsum(
         "ri,ri->r", vehicle.rotor_axis, np.cross(vehicle.rotor_pos, vehicle.rotor_axis)
     )
@@ -105,11 +104,13 @@ def test_each_rotor_pushes_and_twists_as_the_controller_believes(robot: str) -> 
     assert abs(vehicle.rotor_drag_ratio.sum()) < 1e-12, "drag torques must cancel in hover"
 
 
-def _rotor_force(model: mujoco.MjModel, data: mujoco.MjData, i: int) -> np.ndarray:
-    """Generalised force of one actuator on the free joint: force and torque in the base's frame at the origin."""
-    moment = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(moment, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind)
-    return moment[i, :6] * data.actuator_force[i]
+@each_robot
+def test_rotors_push_no_harder_than_they_can(robot: str) -> None:
+    vehicle = robots.get(robot).vehicle
+    for limit, beyond in ((vehicle.rotor_max, 5.0), (vehicle.rotor_min, -5.0)):
+        thrust = np.zeros(len(limit))
+        follow(vehicle.record, limit + beyond, 1.0, thrust)
+        np.testing.assert_array_equal(thrust, limit)
 
 
 @each_armed

@@ -98,11 +98,11 @@ def flights(name: str) -> tuple[np.ndarray, np.ndarray]:
     expert.attach(env)
     obs = env.reset(920_000)
     expert.reset()
-    act, rates, thrusts = env.simulation.worlds.bind("act"), [], []
+    rates, thrusts = [], []
     for _ in range(STEPS):
         obs = env.step(expert.act(obs)).obs
         rates.append(env.simulation.view.base_angvel.copy())
-        thrusts.append(act[:, : robots.get(name).num_rotors].copy())
+        thrusts.append(env.simulation.view.thrust.copy())
     env.close()
     return np.array(rates), np.array(thrusts)
 

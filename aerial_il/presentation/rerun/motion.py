@@ -15,6 +15,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 from aerial_il.suite.episode.disturbances import effects_of
 from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.rotors import knows_thrusts, rotor_sites, thrusts_of
 
 LEAST_FORCE_N = 0.05  # contacts that press less are not shown
 ROBOT = "base"  # first body of every robot of ours
@@ -135,13 +136,12 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
         spec: of the environment, which knows the wind.
     """
     data, size = mujoco.MjData(model), mujoco.mj_stateSize(model, STATE)
-    rotors = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
     seen: list[dict[str, np.ndarray]] = []
     contacts: list[tuple[np.ndarray, ...]] = []
     for state in np.ascontiguousarray(states[:, :size]):
         mujoco.mj_setState(model, data, state, STATE)
         mujoco.mj_forward(model, data)
-        seen.append({name: np.copy(part) for name, part in _seen(model, data, rotors).items()})
+        seen.append({name: np.copy(part) for name, part in _seen(model, data).items()})
         contacts.append(_contacts(model, data))
     wind = effects_of(spec, model, states)["wind"] if spec else np.zeros((len(states), 3))
     counts, *each = zip(*contacts, strict=True)
@@ -153,13 +153,23 @@ def move(model: mujoco.MjModel, states: np.ndarray, spec: EnvSpec | None = None)
     )
 
 
-def _seen(model: mujoco.MjModel, data: mujoco.MjData, rotors: np.ndarray) -> dict[str, np.ndarray]:
+def _seen(model: mujoco.MjModel, data: mujoco.MjData) -> dict[str, np.ndarray]:
     """Return views of what is kept of one state; see :class:`Motion`."""
-    sites = model.actuator_trnid[rotors, 0]
-    axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), model.actuator_gear[rotors, :3])
     poses = {"body_pos": data.xpos, "body_quat": data.xquat, "site_pos": data.site_xpos, "camera_pos": data.cam_xpos}
-    rotor = {"thrust_pos": data.site_xpos[sites], "thrust": axes * data.actuator_force[rotors, None]}
-    return {**poses, "camera_mat": data.cam_xmat.reshape(-1, 3, 3), **rotor}
+    thrust_pos, thrust = _thrusts(model, data)
+    return {**poses, "camera_mat": data.cam_xmat.reshape(-1, 3, 3), "thrust_pos": thrust_pos, "thrust": thrust}
+
+
+def _thrusts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, np.ndarray]:
+    """Return points and forces (R, 3) of what pushes at sites: actuators, as rotors were until engine 3, or rotors."""
+    pushing = np.flatnonzero(model.actuator_trntype == mujoco.mjtTrn.mjTRN_SITE)
+    sites, along = model.actuator_trnid[pushing, 0], model.actuator_gear[pushing, :3]
+    size = data.actuator_force[pushing]
+    if not pushing.size and knows_thrusts(model):
+        sites = np.array(rotor_sites(model), int)
+        along, size = np.tile([0.0, 0.0, 1.0], (len(sites), 1)), thrusts_of(data)[: len(sites)]
+    axes = np.einsum("rij,rj->ri", data.site_xmat[sites].reshape(-1, 3, 3), along)
+    return data.site_xpos[sites], axes * size[:, None]
 
 
 def _contacts(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[np.ndarray, ...]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.presentation.studio.workshop import PREFIX
+from aerial_il.suite.physics.rotors import drag_ratio, knows_thrusts, rotor_sites, thrusts_of
 
 SHUTTER_S = 5e-4
 THRUST_COEFFICIENT, AIR_DENSITY = 0.012, 1.225  # of hovering rotors: thrust / (ρ A (ω R)²); kg/m³
@@ -18,33 +19,31 @@ class Propeller:
     """A propeller of a stage.
 
     Attributes:
-        geom, site, thrust: numbers of its geom and site, and of its thrust among the activations.
+        geom, site: numbers of its geom and site. index: of its rotor.
         radius: m. sense: +1 or -1, in which it turns about the thrust's axis.
     """
 
     geom: int
     site: int
-    thrust: int
+    index: int
     radius: float
     sense: float
 
     def speed(self, data: mujoco.MjData) -> float:
         """Return how fast it turns, rad/s, by momentum theory's thrust coefficient."""
         disc = np.pi * self.radius**2
-        tip = np.sqrt(max(0.0, float(data.act[self.thrust])) / (THRUST_COEFFICIENT * AIR_DENSITY * disc))
+        tip = np.sqrt(max(0.0, float(thrusts_of(data)[self.index])) / (THRUST_COEFFICIENT * AIR_DENSITY * disc))
         return float(tip / self.radius)
 
 
 def propellers(model: mujoco.MjModel) -> tuple[Propeller, ...]:
     """Return the propellers of a staged scene."""
-    turning = []
-    for actuator in range(model.nu):
-        geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{actuator}")
-        if geom < 0 or model.actuator_actadr[actuator] < 0:
-            continue
-        site, thrust = int(model.actuator_trnid[actuator, 0]), int(model.actuator_actadr[actuator])
-        sense = -float(np.sign(model.actuator_gear[actuator, 5])) or 1.0
-        turning.append(Propeller(geom, site, thrust, float(model.geom_aabb[geom, 3:].max()), sense))
+    turning, known = [], knows_thrusts(model)
+    for index, site in enumerate(rotor_sites(model)):
+        geom = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, f"{PREFIX}_propeller_{index}")
+        if geom >= 0 and known:
+            sense = -float(np.sign(drag_ratio(model, index, site))) or 1.0
+            turning.append(Propeller(geom, site, index, float(model.geom_aabb[geom, 3:].max()), sense))
     return tuple(turning)
 
 
@@ -57,7 +56,7 @@ def turn(data: mujoco.MjData, turning: tuple[Propeller, ...], still: np.ndarray,
     """
     for propeller in turning:
         speed = propeller.speed(data)
-        angle = propeller.sense * (speed * (data.time + share * SHUTTER_S) + propeller.thrust)
+        angle = propeller.sense * (speed * (data.time + share * SHUTTER_S) + propeller.index)
         quat, about = np.empty(4), np.empty(9)
         mujoco.mju_axisAngle2Quat(quat, data.site_xmat[propeller.site].reshape(3, 3)[:, 2].copy(), angle)
         mujoco.mju_quat2Mat(about, quat)

@@ -68,8 +68,8 @@ def _dress_rotor(shop: Workshop, base: mujoco.MjsBody, site: mujoco.MjsSite, dra
     spinner = [(0.0, -0.3 * tall), (0.42 * motor, -0.3 * tall), (0.42 * motor, 0.15 * tall), (0.3 * motor, 0.5 * tall),
                (0.0, 0.65 * tall)]  # fmt: skip
     shop.add(base, turned, *spinner, pos=seat, quat=tuple(quat), rgba=CARBON, material="gloss")
-    motion = shop.spec.actuator(f"rotor_{i}")
-    clockwise = motion is not None and float(motion.gear[5]) > 0.0  # its drag turns the base the other way
+    drive = shop.spec.actuator(f"rotor_{i}")  # until engine 3
+    clockwise = float(drive.gear[5] if drive else sum(site.userdata)) > 0.0  # its drag turns the base the other way
     blades = 3 if radius >= LARGE_M else 2
     shop.add(base, propeller, radius, blades, clockwise, pos=seat, quat=tuple(quat), rgba=BLADES[side],
              material="satin", name=f"propeller_{i}")  # fmt: skip

@@ -93,9 +93,12 @@ class Base(ABC):
     def _add_motor(self, spec: mujoco.MjSpec, body: mujoco.MjsBody, i: int) -> None:
         quat = np.empty(4)
         mujoco.mju_quatZ2Vec(quat, np.asarray(self.rotor_axis[i], float))
-        body.add_site(name=f"rotor_{i}", pos=self.rotor_pos[i], size=[0.004] * 3, group=4, quat=quat)
+        drag_ratio = float(self.rotor_drag_ratio[i])
+        body.add_site(
+            name=f"rotor_{i}", pos=self.rotor_pos[i], size=[0.004] * 3, group=4, quat=quat, userdata=[drag_ratio]
+        )
         motor = spec.add_actuator(name=f"rotor_{i}", target=f"rotor_{i}", trntype=mujoco.mjtTrn.mjTRN_SITE)
-        motor.gear = [0, 0, 1, 0, 0, self.rotor_drag_ratio[i]]
+        motor.gear = [0, 0, 1, 0, 0, drag_ratio]
         motor.dyntype = mujoco.mjtDyn.mjDYN_FILTEREXACT
         motor.dynprm[0] = self.tau_up
         motor.ctrllimited, motor.ctrlrange = True, [self.rotor_min[i], self.rotor_max[i]]

@@ -41,7 +41,7 @@ class Disturbance:
     """Settings of one disturbance: frozen dataclasses inherit from it.
 
     Attributes:
-        memory: numbers of a world's state that are its own. varies: fields of the model that it changes.
+        memory: numbers of a world's state that are its own. varies: fields that it changes, see ``Nominal.field``.
         stream: first channel of its random numbers; None for one by its name.
     """
 

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from aerial_il.suite.disturbances.disturbance import Disturbance
-from aerial_il.suite.disturbances.nominal import Nominal, factors
+from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal, factors
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,11 @@ class Motors(Disturbance):
     """
 
     gain: float = 0.05
-    varies: ClassVar[tuple[str, ...]] = ("actuator_gainprm",)
+    varies: ClassVar[tuple[str, ...]] = (ROTOR_GAIN,)
 
     def vary(self, fields: dict[str, np.ndarray], nominal: Nominal, rng: np.random.Generator) -> dict[str, Any]:
-        rotors = nominal.robot.num_rotors
-        gains = factors(rng, self.gain, rotors)
-        fields["actuator_gainprm"][:rotors, 0] *= gains
+        gains = factors(rng, self.gain, nominal.robot.num_rotors)
+        fields[ROTOR_GAIN] *= gains
         return {"rotor_gain": gains}
 
 

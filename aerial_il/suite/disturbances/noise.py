@@ -44,8 +44,9 @@ def advance(own, memory, now):
     """Advance the twelve errors, each of unit variance."""
     decay = math.exp(-now.dt / own.time)
     kick = math.sqrt(1.0 - decay * decay)
+    seed, tick, stream = now.seed, now.tick, own.stream  # read once: the compiler cannot know that memory is elsewhere
     for k in range(12):
-        memory[k] = decay * memory[k] + kick * gaussian(now.seed, now.tick, own.stream + k)
+        memory[k] = decay * memory[k] + kick * gaussian(seed, tick, stream + k)
 
 
 @kernel

@@ -9,6 +9,8 @@ import numpy as np
 
 from aerial_il.robots.robot import Robot
 
+ROTOR_GAIN = "rotor_gain"  # (R,) what rotors give of their thrust: the field that is no part of MuJoCo's model
+
 
 class Nominal:
     """What moves in a scene, and with what.
@@ -22,6 +24,10 @@ class Nominal:
 
     def __init__(self, model: mujoco.MjModel, robot: Robot) -> None:
         self.model, self.robot, self.base = model, robot, model.body("base").id
+
+    def field(self, name: str) -> np.ndarray:
+        """Return a copy of the nominal values of a field that a disturbance varies."""
+        return np.ones(self.robot.num_rotors) if name == ROTOR_GAIN else getattr(self.model, name).copy()
 
     @cached_property
     def objects(self) -> tuple[np.ndarray, ...]:

@@ -34,6 +34,7 @@ from aerial_il.suite.physics.world import (
     call_row,
     call_sensor,
     record_at,
+    rotor_thrust,
     tool_pos,
     unwanted_contacts,
 )
@@ -266,7 +267,7 @@ def assess_all(rules, results, active, counter):
 
 @kernel
 def _effort(rules, world):
-    thrust, total = doubles(world.act, rules.rotor_max.size), 0.0
+    thrust, total = rotor_thrust(world, rules.rotor_max.size), 0.0
     for r in range(rules.rotor_max.size):
         use = thrust[r] / rules.rotor_max[r]
         total += use * use

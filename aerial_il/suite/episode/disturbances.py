@@ -16,7 +16,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import disturbances, tiers
 from aerial_il.suite.disturbances.disturbance import Start
-from aerial_il.suite.disturbances.nominal import Nominal
+from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.hooks import (
@@ -71,6 +71,9 @@ class Disturbances:
 
     Args:
         scenario: the environment. view: the worlds, their models still nominal.
+
+    Attributes:
+        rotor_gain: (n, R) what the rotors give of their thrust.
     """
 
     def __init__(self, scenario: Scenario, view: View) -> None:
@@ -79,7 +82,8 @@ class Disturbances:
         self.table = HookTable(self.tier, scenario.robot, worlds.n)
         self._nominal = Nominal(worlds.model, scenario.robot)
         varied = {name for part in self.tier.parts.values() for name in part.varies}
-        self._fields = {name: getattr(worlds.model, name).copy() for name in sorted(varied)}
+        self.rotor_gain = np.ones((worlds.n, scenario.robot.num_rotors))
+        self._fields = {name: self._nominal.field(name) for name in sorted(varied)}
         self._model_seeds = np.full(worlds.n, -1, np.int64)  # whose parameters each model holds; no part of the state
         self._workspace = mujoco.MjData(worlds.model) if varied else None
 
@@ -113,7 +117,8 @@ class Disturbances:
         for i in np.flatnonzero(mask & (self._model_seeds != seeds)):
             model = self.view.worlds.own_model(int(i))
             for name, value in self._varied(int(seeds[i]))[0].items():
-                getattr(model, name)[:] = value
+                field = self.rotor_gain[i] if name == ROTOR_GAIN else getattr(model, name)
+                field[:] = value
             mujoco.mj_setConst(model, self._workspace)
             self._model_seeds[i] = seeds[i]
 
@@ -158,10 +163,13 @@ def effects_of(spec: EnvSpec, model: mujoco.MjModel, states: np.ndarray) -> np.n
         robot, tier = robots.get(spec.robot), tiers.get(spec.tier)
     except UnknownNameError:
         return effects
-    if spec.is_outside or model.nuserdata != tier.userdata_size or robot.fixed:
-        return effects
-    table, before = HookTable(tier, robot, len(states)), mujoco.mj_stateSize(model, STATE_BEFORE_USERDATA)
+    before = mujoco.mj_stateSize(model, STATE_BEFORE_USERDATA)
     userdata = np.ascontiguousarray(states[:, before : before + model.nuserdata])
+    if tier.userdata_size - model.nuserdata == layout.USERDATA_SIZE - layout.PAST.stop:  # until engine 3
+        userdata = np.insert(userdata, [layout.PAST.stop] * (layout.USERDATA_SIZE - layout.PAST.stop), 0.0, axis=1)
+    if spec.is_outside or userdata.shape[1] != tier.userdata_size or robot.fixed:
+        return effects
+    table = HookTable(tier, robot, len(states))
     pos, vel = np.ascontiguousarray(states[:, 1:8]), np.ascontiguousarray(states[:, 1 + model.nq : 7 + model.nq])
     _act_each(table.hooks, userdata, pos, vel, CONTROL_DT_S)
     return table.effects

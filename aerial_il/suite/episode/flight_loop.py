@@ -11,11 +11,11 @@ from aerial_il.control.controller import gripper_opening, receive_action, tick
 from aerial_il.control.controller_state import CONTROLLER_STATE_SIZE
 from aerial_il.control.dynamics import put, vec
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import mat_from_quat, norm
+from aerial_il.core.rotations import add, mat_from_quat, norm
 from aerial_il.suite.episode.assessment import assess, settle
 from aerial_il.suite.episode.estimation import advance_sight
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.physics.aerodynamics import air_wrench, falling_share, lagged_command
+from aerial_il.suite.physics.aerodynamics import air_wrench, follow, lag_share, lagged_command, thrust_wrench
 from aerial_il.suite.physics.force_sensing import keep_sample, sense_forces
 from aerial_il.suite.physics.hooks import (
     EFFECTS_SIZE,
@@ -28,7 +28,6 @@ from aerial_il.suite.physics.hooks import (
 )
 from aerial_il.suite.physics.native import draw, mj_step1, mj_step2, row_at
 from aerial_il.suite.physics.physics_batch import (
-    ACT,
     CTRL,
     QFRC,
     QPOS,
@@ -37,7 +36,10 @@ from aerial_il.suite.physics.physics_batch import (
     SITE_XMAT,
     SITE_XPOS,
     USERDATA,
+    XFRC,
+    fetch_part,
     inside,
+    outside,
     pull_all,
     push_state,
 )
@@ -45,6 +47,7 @@ from aerial_il.suite.physics.sensing import measure, vehicle_state
 from aerial_il.suite.physics.world import record_at
 
 FORCES_START, FORCES_STOP = layout.FORCES.start, layout.FORCES.stop
+THRUST_START, COMMAND_START, AIR_START = layout.THRUST.start, layout.COMMAND.start, layout.AIR.start
 SEED, TICK, STEP, CRASHED = layout.SEED, layout.TICK, layout.STEP, layout.CRASHED
 TILTED_OVER = 0.17  # cosine of 80°
 FENCE_M = 4.0  # a base farther than this from the origin has flown away
@@ -57,10 +60,12 @@ class Flight(NamedTuple):
         vehicle: (1,) the nominal model's record, see ``alone``.
         gains: (1,) record of ``Gains``. steering: (1,) of ``STEERING``, the flight law.
         drag: of the body, N s²/m². hooks: (1,) of the tier's disturbances.
+        rotors: (R, 6) wrench of each per newton, see ``thrust_wrench``. rotor_gain: (n, R) what they give of it.
         level: action level.
         force_addresses: (K,) where the task's force sensors start in ``sensordata``.
         base_site: index of the base's site. base_contact: index of its contact count in ``sensordata``.
         dt: s, of a physics step. interval: s, between actions. substeps: physics steps between actions.
+        hands: threads that share the worlds: each comes to about the ``hands``-th next.
         refinement: parts in which MuJoCo takes a physics step, to see what its length does; control keeps its rate.
     """
 
@@ -69,6 +74,8 @@ class Flight(NamedTuple):
     steering: np.ndarray
     drag: float
     hooks: np.ndarray
+    rotors: np.ndarray
+    rotor_gain: np.ndarray
     level: int
     force_addresses: np.ndarray
     base_site: int
@@ -76,6 +83,7 @@ class Flight(NamedTuple):
     dt: float
     interval: float
     substeps: int
+    hands: int
     refinement: int = 1
 
 
@@ -95,7 +103,8 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
     scratch, dt = workspace[0], flight.dt
     rotors, level, thrust = vehicle.num_rotors, flight.level, scratch.thrust[: vehicle.num_rotors]
     pos, vel = scratch.pos[: 7 + vehicle.num_joints], scratch.vel[: 6 + vehicle.num_joints]
-    falling = falling_share(vehicle.rotor_tau_up, vehicle.rotor_tau_down, dt)
+    falling = lag_share(vehicle.rotor_tau_down, dt) / lag_share(vehicle.rotor_tau_up, dt)
+    rising = lag_share(vehicle.rotor_tau_up, dt / flight.refinement)
     measured_pos, measured_vel = scratch.measured_pos[: pos.size], scratch.measured_vel[: vel.size]
     while True:
         i = draw(counter)
@@ -103,13 +112,15 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
             break
         if not active[i]:
             continue
-        push_state(worlds, i)
-        qpos, qvel, act = inside(worlds, QPOS, i), inside(worlds, QVEL, i), inside(worlds, ACT, i)
-        ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), inside(worlds, USERDATA, i)
+        push_state(worlds, i, XFRC)
+        qpos, qvel = inside(worlds, QPOS, i), inside(worlds, QVEL, i)
+        ctrl, wrench, userdata = inside(worlds, CTRL, i), inside(worlds, QFRC, i), outside(worlds, USERDATA, i)
         state, memory = userdata[:CONTROLLER_STATE_SIZE], userdata.ctypes.data
         now, summed = now_at(hooks.now + i * NOW_SIZE), hooks.effects + i * EFFECTS_SIZE
         forces, sensordata = userdata[FORCES_START:FORCES_STOP], inside(worlds, SENSORDATA, i)
-        action, servo = row_at(actions, i), ctrl[rotors:]
+        action, gain = row_at(actions, i), row_at(flight.rotor_gain, i)
+        thrust_now = userdata[THRUST_START : THRUST_START + rotors]
+        command = userdata[COMMAND_START : COMMAND_START + rotors]
         vehicle_state(vehicle, qpos, qvel, pos, vel)
         if fresh:
             note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
@@ -120,7 +131,10 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
                 advance_sight(
                     rules.perception, record_at(results.records + i * results.record_size), userdata, flight.interval
                 )
-        for _ in range(steps):
+        soon = i + flight.hands
+        for step in range(steps):
+            if soon < active.size:
+                fetch_part(worlds, soon, step, steps)
             note(now, userdata[SEED], userdata[TICK], flight.interval, pos, vel)
             effects = act_all(hooks, memory, now, summed)
             measure(vehicle, effects, pos, vel, measured_pos, measured_vel)
@@ -133,22 +147,28 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
                 action,
                 measured_pos,
                 measured_vel,
-                act,
+                thrust_now,
                 state,
                 dt,
                 thrust,
-                servo,
+                ctrl,
             )
             for r in range(rotors):
-                ctrl[r] = lagged_command(thrust[r], act[r], falling)
+                command[r] = lagged_command(thrust[r], thrust_now[r], falling)
             if vehicle.gripper_stroke > 0.0:
-                ctrl[rotors + vehicle.num_joints] = gripper_opening(vehicle, action) * vehicle.gripper_stroke
+                ctrl[vehicle.num_joints] = gripper_opening(vehicle, action) * vehicle.gripper_stroke
+            force = torque = (0.0, 0.0, 0.0)
             if vehicle.base_mobility > 0.0:
                 rot = mat_from_quat((pos[3], pos[4], pos[5], pos[6]))
-                force, torque = air_wrench(vehicle, flight.drag, effects, vec(pos, 0), rot, vec(vel, 0), act)
-                put(wrench, 0, force)
-                put(wrench, 3, torque)
+                force, torque = air_wrench(vehicle, flight.drag, effects, vec(pos, 0), rot, vec(vel, 0), thrust_now)
+                put(userdata, AIR_START, force)
             for _ in range(flight.refinement):
+                if vehicle.base_mobility > 0.0:
+                    rot = mat_from_quat((qpos[3], qpos[4], qpos[5], qpos[6]))
+                    push, turn = thrust_wrench(flight.rotors, gain, thrust_now, rot)
+                    put(wrench, 0, add(force, push))
+                    put(wrench, 3, add(torque, turn))
+                    follow(vehicle, command, rising, thrust_now)
                 mj_step2(worlds.models[i], worlds.datas[i])
                 mj_step1(worlds.models[i], worlds.datas[i])
             vehicle_state(vehicle, qpos, qvel, pos, vel)
@@ -160,7 +180,7 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
             userdata[STEP] += 1.0
             if _crashed(flight, worlds, sensordata, i):
                 userdata[CRASHED] = 1.0
-        pull_all(worlds, i)
+        pull_all(worlds, i, QPOS)
         if complete:
             settle(rules, results, i, row_at(sent, i))
             assess(rules, results, i)

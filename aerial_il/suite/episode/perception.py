@@ -156,7 +156,6 @@ class Perceived:
             "site_xmat": 9 * sites,
             "mocap_pos": 3 * max(1, len(names.mocaps)),
             "userdata": layout.USERDATA_SIZE,
-            "qfrc_applied": max(3, view.model.nv),
         }
         self._buffers = {name: np.full((view.n, size), np.nan) for name, size in sizes.items()}
         for name, buffer in self._buffers.items():

@@ -72,6 +72,7 @@ class Simulation:
         self.gains = (gains or registry.get("controller", scenario.controller)().gains).fitted(self.robot.vehicle)
         self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
+        self._threads, self._own = ThreadPool(worlds.n, num_threads), _Own()
         self._ctrl, self._userdata = worlds.bind("ctrl"), worlds.bind("userdata")
         self._flight = Flight(
             vehicle=alone(self.robot.vehicle.record),
@@ -79,6 +80,8 @@ class Simulation:
             steering=self._steering.record,
             drag=quadratic_drag(self.robot.vehicle),
             hooks=self.disturbances.table.hooks,
+            rotors=scenario.rotors,
+            rotor_gain=self.disturbances.rotor_gain,
             level=int(scenario.level),
             force_addresses=np.array([self.view.address(name) for name in self.task.force_sensors], np.int64),
             base_site=self.view.base_site,
@@ -86,6 +89,7 @@ class Simulation:
             dt=PHYSICS_DT_S,
             interval=CONTROL_DT_S,
             substeps=SUBSTEPS,
+            hands=self._threads.hands,
             refinement=refinement,
         )
         self.seen = Perceived(scenario, self.view, self.disturbances.table.hooks)
@@ -97,7 +101,6 @@ class Simulation:
         )
         self._parts = observation.parts(observation.state_names)
         self._columns = {name: (slice(None), part) for name, part in self._parts.items()}
-        self._threads, self._own = ThreadPool(worlds.n, num_threads), _Own()
         self._everyone = np.ones(worlds.n, bool)
         self._mask, self._fresh = self._everyone, False
         self._actions = self._arriving = np.zeros((worlds.n, self.spec.action.size))
@@ -275,8 +278,8 @@ class Simulation:
 
     @property
     def ctrl(self) -> np.ndarray:
-        """(n, nu) actuator commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
-        return self._ctrl
+        """(n, R + nu) commands of the last physics step: rotors (N), servos (rad), gripper (m)."""
+        return np.concatenate([self.view.rotor_command, self._ctrl], axis=1)
 
     def _select(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:

@@ -1,4 +1,4 @@
-"""Aerodynamics of a vehicle: rotor lag, ground effect, drag against the wind."""
+"""Aerodynamics of a vehicle: rotors and their lag, ground effect, drag against the wind."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from aerial_il.control.dynamics import row, vec
 from aerial_il.control.vehicle import Vehicle
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import add, cross, norm, rotate, rotate_back, scale, sub
+from aerial_il.suite.physics.native import row_at
 
 GROUND_EFFECT = 0.171  # coefficient fitted to flight data (AM-Bench 2026)
 AIR_DENSITY = 1.225  # kg/m³
@@ -20,21 +21,46 @@ def quadratic_drag(vehicle: Vehicle) -> float:
 
 
 @kernel
-def falling_share(tau_up, tau_down, dt):
-    """Ratio of the steps that first-order lags of ``tau_down`` and ``tau_up`` take; all in s."""
-    return (1.0 - math.exp(-dt / tau_down)) / (1.0 - math.exp(-dt / tau_up))
+def lag_share(tau, dt):
+    """Share of the way to its input that a first-order lag of ``tau`` goes in ``dt``; both in s."""
+    return 1.0 - math.exp(-dt / tau)
 
 
 @kernel
 def lagged_command(command, thrust_now, share):
     """Shift a thrust command so that a first-order lag of ``tau_up`` acts as one of ``tau_down`` when thrust falls.
 
-    The actuator integrates ``act' = (ctrl - act) / tau_up`` exactly; this returns the ctrl for which one step gives
-    what ``tau_down`` would have given. ``share``: see :func:`falling_share`; the rest in N.
+    ``share``: ratio of what the two lags go in a step, see :func:`lag_share`; the rest in N.
     """
     if command >= thrust_now:
         return command
     return thrust_now + share * (command - thrust_now)
+
+
+@kernel
+def follow(vehicle, command, share, thrust):
+    """Let the thrusts go the ``share`` of the way to their commands (R,), which are held within limits; all in N."""
+    for i in range(thrust.size):
+        reachable = min(max(command[i], vehicle.rotor_min[i]), vehicle.rotor_max[i])
+        thrust[i] += share * (reachable - thrust[i])
+
+
+@kernel
+def thrust_wrench(rotors, gain, thrust, rot):
+    """Push of the rotors.
+
+    Args:
+        rotors: (R, 6) force and torque of each per newton, base frame. gain: (R,) what each gives of its thrust.
+        thrust: (R,) N. rot: world from base.
+
+    Returns:
+        force (world frame, N) and torque about the base origin (base frame, N m).
+    """
+    force, torque = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(thrust.size):
+        wrench, push = row_at(rotors, i), gain[i] * thrust[i]
+        force, torque = add(force, scale(push, vec(wrench, 0))), add(torque, scale(push, vec(wrench, 3)))
+    return rotate(rot, force), torque
 
 
 @kernel

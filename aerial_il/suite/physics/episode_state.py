@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from aerial_il.control.controller_state import CONTROLLER_STATE_SIZE
+from aerial_il.control.vehicle import MAX_ROTORS
 from aerial_il.suite.timing import SUBSTEPS
 
 CONTROLLER = slice(0, CONTROLLER_STATE_SIZE)
@@ -30,7 +31,10 @@ ERRORS = slice(_LATENCY.stop, _LATENCY.stop + 6 * MAX_OBJECTS)  # of each as see
 MAX_LAG = 4  # control steps by which they may be seen late
 PAST_SIZE = 14  # numbers of what moves of them: 7 for a pose, 2 for a joint
 PAST = slice(ERRORS.stop, ERRORS.stop + MAX_LAG * PAST_SIZE)  # as it was, see ``estimation``
-USERDATA_SIZE = PAST.stop  # without what further disturbances remember, which follows
+THRUST = slice(PAST.stop, PAST.stop + MAX_ROTORS)  # of each rotor, N
+COMMAND = slice(THRUST.stop, THRUST.stop + MAX_ROTORS)  # to each rotor in the last physics step, N
+AIR = slice(COMMAND.stop, COMMAND.stop + 3)  # force of the air on the base in that step, world, N
+USERDATA_SIZE = AIR.stop  # without what further disturbances remember, which follows
 
 # What disturbances remember, where recordings have it in every tier; see ``episode.disturbances`` for all others.
 MEMORIES: Mapping[str, slice] = {

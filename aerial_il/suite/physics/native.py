@@ -14,6 +14,7 @@ import ctypes
 from pathlib import Path
 from typing import Any
 
+import llvmlite.ir as ir
 import mujoco
 from numba import types
 from numba.np.numpy_support import carray
@@ -55,6 +56,39 @@ def _take_one(_: Any, address: types.Integer) -> Any:
         return builder.atomic_rmw("add", place, context.get_constant(types.int64, 1), "monotonic")
 
     return types.int64(address), generate
+
+
+@intrinsic
+def _fetch(_: Any, address: types.Integer) -> Any:
+    """Ask for the cache line at an address, to be read soon, without waiting for it."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        pointer, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
+        fetch = builder.module.declare_intrinsic("llvm.prefetch", [pointer], kind)
+        reading, second_level, data = number(0), number(2), number(1)
+        builder.call(fetch, [builder.inttoptr(arguments[0], pointer), reading, second_level, data])
+        return context.get_dummy_value()
+
+    return types.void(address), generate
+
+
+@kernel
+def fetch_ahead(address, size):
+    """Ask for the ``size`` bytes at an address, see :func:`_fetch`."""
+    for line in range(address, address + size, 64):
+        _fetch(line)
+
+
+def stack_end(data: mujoco.MjData) -> int:
+    """Return the address behind MuJoCo's stack of a world, which grows downwards from the end of its arena."""
+    pointer, size = ctypes.c_void_p(data._address), 64
+    allocate = _loaded.mj_stackAllocByte
+    allocate.restype, allocate.argtypes = ctypes.c_size_t, [ctypes.c_void_p, ctypes.c_size_t, ctypes.c_size_t]
+    _loaded.mj_markStack(pointer)
+    found = allocate(pointer, size, size)
+    _loaded.mj_freeStack(pointer)
+    return found + size
 
 
 @kernel

@@ -17,15 +17,26 @@ import numpy as np
 from dm_control import mujoco as dm_mujoco
 
 from aerial_il.core.kernels import kernel
-from aerial_il.suite.physics.native import doubles, mj_get_state, mj_reset_data, mj_set_state, mj_step1, mju_copy
+from aerial_il.suite.physics.native import (
+    doubles,
+    fetch_ahead,
+    mj_get_state,
+    mj_reset_data,
+    mj_set_state,
+    mj_step1,
+    mju_copy,
+    stack_end,
+)
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 SIGNATURE = int(STATE)
-STATE_FIELDS = ("qpos", "qvel", "act", "ctrl", "qfrc_applied", "userdata", "xfrc_applied", "mocap_pos", "mocap_quat")
-QPOS, QVEL, ACT, CTRL, QFRC, USERDATA = range(6)
+STATE_FIELDS = ("userdata", "xfrc_applied", "mocap_pos", "mocap_quat", "qpos", "qvel", "ctrl", "qfrc_applied", "act")
+USERDATA, XFRC, _, _, QPOS, QVEL, CTRL, QFRC, _ = range(len(STATE_FIELDS))
 DERIVED_FIELDS = ("sensordata", "site_xpos", "site_xmat")
 SENSORDATA, SITE_XPOS, SITE_XMAT = range(len(STATE_FIELDS), len(STATE_FIELDS) + len(DERIVED_FIELDS))
 NUM_STATE_FIELDS = len(STATE_FIELDS)
+CONTACT_BYTES, STACK_BYTES = 4096, 16384  # of arena and stack that a step with some contacts uses
+LARGE_BYTES = 16384  # fields of a world from which fetching them ahead pays
 INFO, COUNT = 0, 1  # columns of a table of warnings
 
 
@@ -36,7 +47,7 @@ class PhysicsPointers(NamedTuple):
         models, datas: (n,) addresses of MuJoCo's structures.
         inside, outside: (F, n) addresses of each field in MuJoCo's structures and in our arrays; state fields first.
         sizes: (F,) doubles of each field. warnings: (2, n) addresses of MuJoCo's table of warnings and of ours.
-        num_warnings: doubles of that table.
+        num_warnings: doubles of that table. memory: (n, B, 2) addresses and bytes of what a step of MuJoCo touches.
     """
 
     models: np.ndarray
@@ -46,6 +57,7 @@ class PhysicsPointers(NamedTuple):
     sizes: np.ndarray
     warnings: np.ndarray
     num_warnings: int
+    memory: np.ndarray
 
 
 @kernel
@@ -55,20 +67,42 @@ def inside(pointers, field, i):
 
 
 @kernel
-def push_state(pointers, i):
-    """Copy everything of world ``i`` that may have been written from outside to MuJoCo."""
-    for field in range(NUM_STATE_FIELDS):
+def outside(pointers, field, i):
+    """The same in our arrays."""
+    return doubles(pointers.outside[field, i], pointers.sizes[field])
+
+
+@kernel
+def push_state(pointers, i, first=USERDATA):
+    """Copy everything of world ``i`` that may have been written from outside to MuJoCo.
+
+    Args:
+        first: field to begin with: :data:`XFRC` leaves out the userdata, which MuJoCo does not read.
+    """
+    for field in range(first, NUM_STATE_FIELDS):
         if pointers.inside[field, i] != pointers.outside[field, i]:
             mju_copy(pointers.inside[field, i], pointers.outside[field, i], pointers.sizes[field])
 
 
 @kernel
-def pull_all(pointers, i):
-    """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays."""
-    for field in range(pointers.sizes.size):
+def pull_all(pointers, i, first=USERDATA):
+    """Copy state, derived quantities and warnings of world ``i`` from MuJoCo to our arrays.
+
+    Args:
+        first: field to begin with: :data:`QPOS` leaves out what physics steps do not change.
+    """
+    for field in range(first, pointers.sizes.size):
         if pointers.inside[field, i] != pointers.outside[field, i]:
             mju_copy(pointers.outside[field, i], pointers.inside[field, i], pointers.sizes[field])
     mju_copy(pointers.warnings[1, i], pointers.warnings[0, i], pointers.num_warnings)
+
+
+@kernel
+def fetch_part(pointers, i, part, parts):
+    """Ask for one of some parts of the memory of world ``i``, which is soon to fly."""
+    for k in range(pointers.memory.shape[1]):
+        size = pointers.memory[i, k, 1] // parts
+        fetch_ahead(pointers.memory[i, k, 0] + part * size, size)
 
 
 @kernel
@@ -212,6 +246,7 @@ class PhysicsBatch:
                 np.int64,
             ),
             num_warnings=self._warnings.shape[1],
+            memory=np.array([_memory(data) for data in self._datas], np.int64),
         )
 
 
@@ -239,6 +274,15 @@ class Physics(dm_mujoco.Physics):
 
 def _address(array: np.ndarray) -> int:
     return array.ctypes.data if array.size else 0
+
+
+def _memory(data: mujoco.MjData) -> list[tuple[int, int]]:
+    """Addresses and bytes of a world's fields, of the beginning of its arena and of the end of its stack."""
+    if data.nbuffer < LARGE_BYTES:
+        return [(0, 0)] * 3
+    end = stack_end(data)
+    stack, arena = (end - STACK_BYTES, STACK_BYTES), (end - data.narena, CONTACT_BYTES)
+    return [(_address(data.qpos), data.nbuffer), arena, stack]
 
 
 def _table_of_warnings(data: mujoco.MjData) -> int:

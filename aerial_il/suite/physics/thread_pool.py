@@ -24,13 +24,16 @@ class ThreadPool:
 
     Args:
         n: worlds. num_threads: 0 for all cores.
+
+    Attributes:
+        hands: threads, the caller's own among them.
     """
 
     def __init__(self, n: int, num_threads: int = 0) -> None:
-        hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
+        self.hands = 1 if n < FEWEST_WORLDS else min(num_threads or available_cores(), n)
         self._drawn = np.zeros(1, np.int64)
         self._counter = self._drawn.ctypes.data
-        self._helpers = hands - 1
+        self._helpers = self.hands - 1
         self._pool = ThreadPoolExecutor(self._helpers, "aerial_il-worlds") if self._helpers else None
 
     def run(self, work: Callable[[int], None]) -> None:

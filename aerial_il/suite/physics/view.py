@@ -44,7 +44,6 @@ class View:
         self._site_pos, self._site_mat = worlds.bind("site_xpos"), worlds.bind("site_xmat")
         self._sensors, self.mocap_pos = worlds.bind("sensordata"), worlds.bind("mocap_pos")
         self.mocap_quat = worlds.bind("mocap_quat")
-        self._applied = worlds.bind("qfrc_applied")
         self._tool, self.base_site = self._site("tool"), self._site("imu")
         self._ids: dict[tuple[str, str], int] = {}
         self._joints: dict[str, tuple[int, int]] = {}
@@ -91,7 +90,17 @@ class View:
     @property
     def air_force(self) -> np.ndarray:
         """(n, 3) wind, drag and ground effect on the base in the last physics step, world, N."""
-        return self._applied[:, :3]
+        return self.userdata[:, layout.AIR]
+
+    @property
+    def thrust(self) -> np.ndarray:
+        """(n, R) thrusts of the rotors, N; what is written counts."""
+        return self.userdata[:, layout.THRUST][:, : self.robot.num_rotors]
+
+    @property
+    def rotor_command(self) -> np.ndarray:
+        """(n, R) commands to the rotors in the last physics step, N; what is written counts."""
+        return self.userdata[:, layout.COMMAND][:, : self.robot.num_rotors]
 
     @property
     def gripper(self) -> np.ndarray:

@@ -27,7 +27,8 @@ MAX_NAMES = 8  # of each kind that a task may use
 FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layout.MAX_FORCES
 SAMPLES_START, SEED, TICK = layout.SAMPLES.start, layout.SEED, layout.TICK
 TASK_START, TASK_SIZE = layout.TASK.start, layout.TASK.stop - layout.TASK.start
-ARRAYS = ("qpos", "qvel", "act", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata", "qfrc_applied")
+THRUST_START, AIR_START = layout.THRUST.start, layout.AIR.start
+ARRAYS = ("qpos", "qvel", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata")
 
 WORLD = np.dtype(
     [
@@ -260,4 +261,10 @@ def tick(world):
 @kernel
 def air_force(world):
     """Wind, drag and ground effect on the base in the last physics step, world frame, N."""
-    return _point(world.qfrc_applied, 0)
+    return _point(world.userdata + 8 * AIR_START, 0)
+
+
+@kernel
+def rotor_thrust(world, count):
+    """Thrusts (count,) of the rotors, N."""
+    return doubles(world.userdata + 8 * THRUST_START, count)

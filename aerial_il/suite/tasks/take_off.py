@@ -41,7 +41,7 @@ class TakeOff(hover.Hover):
         place(view, world, "target", target, yaw=heading)
         aside = target[:2] + rng.uniform(-SIDEWAYS_M, SIDEWAYS_M, 2) / np.sqrt(2.0)
         hover_start(view, world, standing(aside), rng.uniform(*hover.HEADING_RANGE_RAD))
-        view.worlds.bind("act")[world] = view.worlds.bind("ctrl")[world] = 0.0
+        view.thrust[world] = view.rotor_command[world] = 0.0
 
 
 @kernel

@@ -139,12 +139,11 @@ def hover_start(view: View, world: int, base_pos: np.ndarray, yaw: float) -> Non
         view.qpos[world, :7] = [*base_pos[:2], raised, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
     view.joint_pos[world] = posture
     fingers = robot.first_joint[0] + robot.num_joints
-    hover = vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
-    commands = [*hover, *posture]
+    commands = [*posture]
     if robot.has_gripper:
         view.qpos[world, fingers : fingers + 2] = robot.gripper.stroke
         commands.append(robot.gripper.stroke)
-    view.worlds.bind("act")[world, : robot.num_rotors] = hover
+    view.thrust[world] = view.rotor_command[world] = vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
     view.worlds.bind("ctrl")[world, : len(commands)] = commands
 
 

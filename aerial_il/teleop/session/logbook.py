@@ -182,7 +182,7 @@ class Logbook:
     def _new_recorder(self) -> Recorder:
         own = {} if self.policy is None else {POLICY_ACTION: self.env.spec.action.labels}
         disturbed = {perturb.TOPIC: perturb.LABELS} if perturb.possible(self.env) else {}
-        return Recorder(self.env.spec, self.env.model.nu, extras={TOPIC: LABELS, **own, **disturbed})
+        return Recorder(self.env.spec, self.env.ctrl.shape[1], extras={TOPIC: LABELS, **own, **disturbed})
 
     def _finish(self, kind: str, *, success: bool, note: str) -> None:
         path = self.folder.path / kind / f"{self._uid}.mcap"

@@ -16,6 +16,7 @@ from aerial_il.presentation.rerun.geometry import shape_of
 from aerial_il.presentation.rerun.motion import compile_scene, move
 from aerial_il.presentation.rerun.program import run
 from aerial_il.presentation.rerun.scene import M_PER_M_S, M_PER_N
+from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.physics_batch import STATE
 from tests.presentation.rerun.conftest import Shown
 
@@ -102,7 +103,8 @@ def test_thrusts_contacts_and_wind_are_mujocos(shown: Shown, episodes: list[Epis
     held = int(np.flatnonzero(episode.phase == list(episode.provenance["phases"]).index("carry"))[5])
     _, data = posed(episode, held)
     vectors = shown.column("/scene/forces/thrust", "Arrows3D:vectors")[held].as_py()
-    up = [data.site(f"rotor_{i}").xmat.reshape(3, 3)[:, 2] * data.actuator(f"rotor_{i}").force for i in range(6)]
+    thrust = data.userdata[layout.THRUST]
+    up = [data.site(f"rotor_{i}").xmat.reshape(3, 3)[:, 2] * thrust[i] for i in range(6)]
     assert np.asarray(vectors) == pytest.approx(M_PER_N * np.asarray(up), abs=1e-5)
     points = np.asarray(shown.column("/scene/forces/contact", "Arrows3D:origins")[held].as_py())
     assert 0 < len(points) <= data.ncon
@@ -111,6 +113,28 @@ def test_thrusts_contacts_and_wind_are_mujocos(shown: Shown, episodes: list[Epis
     blow = np.asarray(shown.column("/scene/wind", "Arrows3D:vectors")[held].as_py()) / M_PER_M_S
     assert 0.5 < np.linalg.norm(blow) < 30.0
     assert shown.column("/scene/forces/contact", "Arrows3D:origins")[0].as_py() in ([], None)
+
+
+def test_a_flight_of_engine_3_shows_the_same_thrusts_and_wind(episodes: list[Episode]) -> None:
+    """Its rotors were actuators, their thrusts activations."""
+    episode, spec = episodes[0], mujoco.MjSpec.from_string(episodes[0].model_xml)
+    spec.nuserdata = layout.PAST.stop
+    for i in range(6):
+        motor = spec.add_actuator(name=f"rotor_{i}", target=f"rotor_{i}", trntype=mujoco.mjtTrn.mjTRN_SITE)
+        motor.gear, motor.dyntype, motor.dynprm[0] = [0, 0, 1, 0, 0, 0], mujoco.mjtDyn.mjDYN_FILTEREXACT, 0.03
+    model, today = (each.compile() for each in (spec, mujoco.MjSpec.from_string(episode.model_xml)))
+    data, states = mujoco.MjData(model), []
+    for state in episode.states[:20]:
+        now, rows = mujoco.MjData(today), np.empty(mujoco.mj_stateSize(model, STATE))
+        mujoco.mj_setState(today, now, state, STATE)
+        data.qpos, data.qvel, data.act = now.qpos, now.qvel, now.userdata[layout.THRUST][:6]
+        data.userdata = now.userdata[: layout.PAST.stop]
+        mujoco.mj_getState(model, data, rows, STATE)
+        states.append(rows)
+    then, moved = move(model, np.stack(states), episode.spec), move(today, episode.states[:20], episode.spec)
+    np.testing.assert_allclose(then.thrust, moved.thrust, atol=1e-12)
+    assert np.abs(moved.thrust).max() > 1.0
+    np.testing.assert_array_equal(then.wind, moved.wind)
 
 
 def test_the_forces_on_a_held_robot_carry_its_weight() -> None:

@@ -16,6 +16,7 @@ from aerial_il.presentation.studio.stage import staged
 from aerial_il.presentation.studio.studio import MOVING, QUICK, STILL, Studio
 from aerial_il.suite import tasks
 from aerial_il.suite.physics.physics_batch import STATE
+from aerial_il.suite.physics.rotors import thrusts_of
 from aerial_il.suite.scenario import Scenario
 from tests.presentation.conftest import Flown
 
@@ -86,7 +87,7 @@ def test_propellers_turn_with_the_root_of_their_thrust(flown: Flown) -> None:
     studio = Studio(scene, flown.episode.model_xml)
     result, data = propellers(studio.model), studio.pose(flown.episode.states[50])
     assert len(result) == 4
-    data.act[result[0].thrust], data.act[result[1].thrust] = 8.0, 2.0
+    thrusts_of(data)[:2] = 8.0, 2.0
     fast, slow = (propeller.speed(data) for propeller in result[:2])
     assert fast == pytest.approx(2.0 * slow)
     still = data.geom_xmat.copy()

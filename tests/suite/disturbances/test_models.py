@@ -15,7 +15,7 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.seeding import episode_rng
 from aerial_il.suite import tiers
 from aerial_il.suite.disturbances import wind
-from aerial_il.suite.disturbances.nominal import Nominal
+from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal
 from aerial_il.suite.disturbances.wind import Air, advance_wind, air_about, intensities, length_scales, mean_share
 from aerial_il.suite.scenario import Scenario
 
@@ -151,14 +151,16 @@ def nominal() -> mujoco.MjModel:
 def draw(component: str, seed: int) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """What a component draws for an episode, and the fields of the model that come of it."""
     part, rng = tiers.get(f"calm+{component}").parts[component], episode_rng(ROBOT, TASK, component, seed)
-    fields = {name: getattr(nominal(), name).copy() for name in part.varies}
-    return part.vary(fields, Nominal(nominal(), robots.get(ROBOT)), rng), fields
+    model = Nominal(nominal(), robots.get(ROBOT))
+    fields = {name: model.field(name) for name in part.varies}
+    return part.vary(fields, model, rng), fields
 
 
 @pytest.mark.parametrize("component", ["payload", "friction", "motors"])
 def test_a_component_changes_its_fields(component: str) -> None:
     _, fields = draw(component, 5)
-    assert all((value != getattr(nominal(), n)).any() for n, value in fields.items() if n != "dof_frictionloss")
+    model = Nominal(nominal(), robots.get(ROBOT))
+    assert all((value != model.field(n)).any() for n, value in fields.items() if n != "dof_frictionloss")
     assert draw(component, 11)[0] == draw(component, 11)[0] != draw(component, 12)[0]
 
 
@@ -212,7 +214,6 @@ def test_friction_scales_contacts_and_not_the_robots_joints() -> None:
 
 
 def test_motor_gains_scale_rotors_alone() -> None:
-    model, (drawn, fields), rotors = nominal(), draw("motors", 2), robots.get(ROBOT).num_rotors
-    values = fields["actuator_gainprm"]
-    np.testing.assert_allclose(values[:rotors, 0], drawn["rotor_gain"])
-    np.testing.assert_array_equal(values[rotors:], model.actuator_gainprm[rotors:])
+    drawn, fields = draw("motors", 2)
+    np.testing.assert_array_equal(fields.pop(ROTOR_GAIN), drawn["rotor_gain"])
+    assert not fields
