@@ -26,7 +26,7 @@ test-all: setup ## run every test, the slow ones and those that need a browser t
 fuzz: setup ## read 16,000 mutated files, into runs/fuzz; interrupted, the same command continues
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.safety.fuzz runs/fuzz
 
-check: setup ## lint, formatting, types and the layers between rooms
+check: setup ## lint, formatting, types and the layers between packages
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/basedpyright
