@@ -38,13 +38,8 @@ from experiments.common.notes import demonstrator, listed, notes_on
 from experiments.common.practised import Continued, Practised, Practising
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Stages,
-    check_fewer,
-    check_seeds,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages, check_fewer
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row
 from experiments.from_prior.gains import gain_row
 from experiments.from_prior.lines import practice_lines
