@@ -88,7 +88,8 @@ FROM_CLONE = build(
     {
         "steps": 2_000_000, "rollout": {"steps": 20_000}, "step_size": 0.1,
         "exploration": {"execute": 1, "correlation": 0.0, "noise": 0.3},
-        "gamma": 0.995, "gae_lambda": 0.97, "demos_weight": 0.01, "cloning": {"steps": 4_000, "validation": 0.0},
+        "gamma": 0.995, "gae_lambda": 0.97, "demos_weight": 0.01,
+        "cloning": {"steps": 4_000, "validation": 0.0, "field_dropout": 0.0},
     },
 )  # fmt: skip
 

@@ -67,7 +67,7 @@ class BeyondTeacher:
 
     policy: PolicySettings = field(default_factory=MLP)
     cloning: BC = field(default_factory=BC)
-    practising: BCPPO = build(BCPPO, {"steps": 10_000_000, "gamma": 0.99, "exploration": {"noise": 0.25}})
+    practising: BCPPO = build(BCPPO, {"steps": 10_000_000, "lr": 5e-5, "gamma": 0.99, "exploration": {"noise": 0.25}})
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"
