@@ -20,8 +20,8 @@ SETTINGS_IN = ("algorithms", "policies", "core", "data")  # folders whose datacl
 
 FROM_A_RUN = (
     "A policy class is trained anew. To train with the settings of that run: from={0} run=NEW; to go on from its "
-    "policy: algorithm=bc_ppo (dapg, residual, jsrl) algorithm.prior={0}; to continue it: its own command again; to fly "
-    "it: aerial-il evaluate policy={0} out=OUT"
+    "policy: algorithm=bc_ppo (dapg, residual, jsrl) algorithm.prior={0}; to continue it: its own command again; to "
+    "fly it: aerial-il evaluate policy={0} out=OUT"
 )
 
 
