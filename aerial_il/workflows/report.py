@@ -28,6 +28,7 @@ class Report:
         learning_curve: number of demonstrations -> evaluation: {10:runs/a,25:runs/b}.
         videos: films of successes and of failures of a run that has none.
         out: the page; report.html beside what it is about by default.
+        progress: show a progress bar while films are made.
     """
 
     result: tuple[str, ...]
@@ -36,6 +37,7 @@ class Report:
     learning_curve: Mapping[int, str] = field(default_factory=dict)
     videos: int = 1
     out: str | None = None
+    progress: bool = True
 
     def __post_init__(self) -> None:
         at_least(self, videos=0)
@@ -106,7 +108,7 @@ def _of_run(settings: Report, run: TrainingRun) -> Path:
     from aerial_il.workflows.parts import run_results
 
     predictions, note = run_results.predictions(run, settings.dataset)
-    rewarded, films = run_results.rewarded(run, settings.dataset), run_results.footage(run, settings.videos)
+    rewarded, films = run_results.rewarded(run, settings.dataset), run_results.footage(run, settings.videos, settings.progress)
     return write_run_report(
         settings.out or run.path / PAGE,
         run,

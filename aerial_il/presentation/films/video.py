@@ -148,7 +148,8 @@ def film_episode(
         frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
     else:
         frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
-    total, name = -(-len(flight.actions) // (speed * stride)), f"film of seed {episode.seed}"
+    steps, name = range(len(flight.actions))[:: speed * stride], f"film of seed {episode.seed}"
+    total = len(steps) + (steps[-1] != len(flight.actions) - 1)  # the last moment is always shown
     drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
     last = write_mp4(path, iter(drawn), rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
