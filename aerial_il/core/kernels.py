@@ -40,7 +40,7 @@ class _FirstCompilation(event.Listener):
 
     def on_start(self, event: event.Event) -> None:
         if not self.said:
-            log.info("Compiling the simulation for this machine: once after an installation or an edit, about a minute.")
+            log.info("Compiling the simulation, once after an installation or an edit: about a minute.")
         self.said = True
 
     def on_end(self, event: event.Event) -> None:

@@ -108,7 +108,8 @@ def _of_run(settings: Report, run: TrainingRun) -> Path:
     from aerial_il.workflows.parts import run_results
 
     predictions, note = run_results.predictions(run, settings.dataset)
-    rewarded, films = run_results.rewarded(run, settings.dataset), run_results.footage(run, settings.videos, settings.progress)
+    rewarded = run_results.rewarded(run, settings.dataset)
+    films = run_results.footage(run, settings.videos, settings.progress)
     return write_run_report(
         settings.out or run.path / PAGE,
         run,

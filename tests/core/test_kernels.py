@@ -33,7 +33,7 @@ def test_the_cache_is_stamped_with_all_sources() -> None:
 def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(
         "import logging\nfrom aerial_il.core.kernels import kernel\nlogging.basicConfig(level=logging.INFO)\n"
-        "one, two = kernel(lambda x: x + 1), kernel(lambda x: x + 2)\nprint(one(1), two(1))\n"
+        "one = kernel(lambda x: x + 1)\ntwo = kernel(lambda x: x + 2)\nprint(one(1), two(1))\n"
     )
     cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
     told = [

@@ -119,7 +119,8 @@ def _flown(run: TrainingRun, videos: int, progress: bool) -> Footage:
         flown = pilots.pilots_of(policy, str(run.path))
         folder = run.path / results.VIDEOS
         places = [folder / pilot.task for pilot in flown] if len(flown) > 1 else [folder]
-        films = [_filmed(pilot, policy.spec, place, videos, progress) for pilot, place in zip(flown, places, strict=True)]
+        pairs = zip(flown, places, strict=True)
+        films = [_filmed(pilot, policy.spec, place, videos, progress) for pilot, place in pairs]
     except AerialError as error:
         return Footage(note=f"No films: {error}")
     return Footage(tuple(clip for footage in films for clip in footage.clips), films[0].note)
