@@ -22,7 +22,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import write_atomic
+from aerial_il.core.files import write_atomic, writing
 from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
@@ -269,7 +269,7 @@ def write_mp4(
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
-    try:
+    with writing(path, part):
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
             container.metadata["comment"] = MADE_BY
             stream = container.add_stream("libx264", rate=rate, options=options)
@@ -279,8 +279,6 @@ def write_mp4(
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
             container.mux(stream.encode(None))
         os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return picture
 
 

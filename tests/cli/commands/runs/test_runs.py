@@ -70,6 +70,7 @@ def test_tables_fit_the_terminal(
 ) -> None:
     for place in "abc":
         diver.save(folder / place)
+    whole = ""
     commands = (["runs", str(folder)], ["list", "declined=true"], ["compare", *(str(folder / each) for each in "abc")])
     for words in commands:
         for columns in (80, 130):
