@@ -210,11 +210,18 @@ def collect(robot: str | None = None, task: str | None = None, *, out: str | os.
     return open_dataset(record(build(Collect, {**cell, "out": out, **keys})))
 
 
-def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLike[str], **keys: Any) -> Policy:
+def train(
+    dataset: str | os.PathLike[str] | None = None,
+    *,
+    run: str | os.PathLike[str],
+    from_run: str | os.PathLike[str] | None = None,
+    **keys: Any,
+) -> Policy:
     """Train a policy, as ``aerial-il train`` does, and return it; a run that was stopped goes on.
 
     Args:
         dataset: demonstrations; None for algorithms that learn without. run: folder of the run.
+        from_run: an earlier run, whose settings hold where nothing else is given; ``from=`` of the command.
         keys: the other settings of :class:`aerial_il.workflows.train.Train`. A policy or an algorithm is given by its
             settings, its name, or a mapping: ``algorithm=SAC(lr=1e-4)``, ``"sac"``, ``{"name": "sac", "lr": 1e-4}``.
     """
@@ -222,7 +229,7 @@ def train(dataset: str | os.PathLike[str] | None = None, *, run: str | os.PathLi
     from aerial_il.workflows.train import Train
     from aerial_il.workflows.train import train as learn
 
-    given = {} if dataset is None else {"dataset": dataset}
+    given = {name: value for name, value in (("dataset", dataset), ("from", from_run)) if value is not None}
     return learn(build(Train, {**given, "run": run, **keys}))
 
 

@@ -10,9 +10,9 @@ from typing import Any
 
 from aerial_il.cli import commands, words
 from aerial_il.cli.commands import Command
-from aerial_il.core.composition import build, plain
+from aerial_il.core.composition import base_of, build, plain
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.schema import keys
+from aerial_il.core.schema import FROM, keys
 from aerial_il.workflows.spelling import literal
 
 
@@ -55,8 +55,8 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     given, values = list(overrides), dict[str, Any]()
     parsed = _parsed(given)
     setup_globals()  # for ${now:...}
-    cfg = OmegaConf.create(_node(settings))
     try:
+        cfg = OmegaConf.create(_node(settings, _base(settings, parsed)))
         for word, each in zip(given, parsed, strict=True):
             if each.is_sweep_override():
                 raise InvalidValueError(f"{word} are several values: add -m to sweep over them.")
@@ -152,8 +152,18 @@ def _parsed(overrides: Iterable[str]) -> list[Any]:
     return parsed
 
 
-def _node(settings: type) -> dict[str, Any]:
+def _base(settings: type, parsed: Iterable[Any]) -> Any:
+    """Return the settings that ``from=`` names, None without it."""
+    from hydra.core.override_parser.types import QuotedString
+
+    said = {each.key_or_group: each.value() for each in parsed if each.key_or_group == FROM}
+    return base_of(settings, {key: v.text if isinstance(v, QuotedString) else v for key, v in said.items()})
+
+
+def _node(settings: type, base: Any) -> dict[str, Any]:
     """Return the defaults of settings, for values to refer to; a choice is a mapping with its name."""
+    if base is not None:
+        return plain(base)
     values = {f.name: f.default for f in fields(settings) if f.default is not MISSING}
     groups = {name: plain(value) for name, value in values.items() if is_dataclass(value)}
     choices = {key.name: {"name": key.default} for key in keys(settings) if key.takes == "choice"}

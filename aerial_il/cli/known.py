@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from aerial_il.core import registry
 from aerial_il.core.composition import chosen
@@ -18,21 +19,23 @@ PACKAGE = Path(__file__).resolve().parents[1]
 SETTINGS_IN = ("algorithms", "policies", "core", "data")  # folders whose dataclasses choices are made of
 
 FROM_A_RUN = (
-    "A policy class is trained anew. To go on from a trained policy: algorithm=bc_ppo (dapg, residual, jsrl) "
-    "algorithm.prior={0}; to continue that run: its own command again; to fly it: aerial-il evaluate policy={0} out=OUT"
+    "A policy class is trained anew. To train with the settings of that run: from={0} run=NEW; to go on from its "
+    "policy: algorithm=bc_ppo (dapg, residual, jsrl) algorithm.prior={0}; to continue it: its own command again; to "
+    "fly it: aerial-il evaluate policy={0} out=OUT"
 )
 
 
-def known(settings: type, said: Mapping[str, list[str]]) -> dict[str, Key]:
+def known(settings: type, said: Mapping[str, list[str]], *, base: Any = None) -> dict[str, Key]:
     """Return name -> key of all that ``settings`` takes.
 
     Args:
         said: key -> the names that are chosen there, several in a sweep; without them the default's keys are known.
+        base: settings whose values are the defaults.
 
     Raises:
         UnknownNameError: there is no such choice.
     """
-    every = {key.name: key for key in keys(settings)}
+    every = {key.name: key for key in keys(settings, base=base)}
     waiting = [key for key in every.values() if key.takes == "choice"]
     while waiting:
         key = waiting.pop()

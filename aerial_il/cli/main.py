@@ -20,6 +20,7 @@ MISTYPED = (errno.ENAMETOOLONG, errno.ELOOP, errno.ENOTDIR, errno.EISDIR, errno.
 REMEDIES = {
     errno.ENOSPC: "make room",
     errno.EDQUOT: "make room",
+    errno.EFBIG: "allow larger files (ulimit -f)",
     errno.EROFS: "choose a place that can be written to",
     errno.EACCES: "choose a place that you may use",
 }
@@ -55,7 +56,8 @@ def main(argv: list[str] | None = None) -> int:
             return BAD_USAGE
         if (remedy := REMEDIES.get(error.errno or 0)) is None:
             raise
-        _complain(f"aerial-il: {error}. What was finished is whole; {remedy} and run the same command again.")
+        what = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        _complain(f"aerial-il: {what}. What was finished is whole; {remedy} and run the same command again.")
         return FAILED
 
 

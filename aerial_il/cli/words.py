@@ -13,10 +13,11 @@ from fnmatch import fnmatch
 from pathlib import Path
 
 from aerial_il.cli.commands import Command
-from aerial_il.cli.known import FROM_A_RUN, known, not_there
+from aerial_il.cli.known import known, not_there
 from aerial_il.core import presets
+from aerial_il.core.composition import base_of
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.schema import Key, keys, options, unknown_key
+from aerial_il.core.schema import FROM, Key, keys, options, unknown_key
 from aerial_il.workflows.spelling import is_quoted, literal, parts
 
 SWEEP, SHOW = ("-m", "--multirun"), "--cfg"
@@ -73,7 +74,8 @@ def read(command: Command, words: list[str]) -> Typed:
     if any("\0" in value for _, value in pairs):
         raise InvalidValueError("A value has a null character, which no name and no path can have.")
     sweeps = not set(SWEEP).isdisjoint(flags)
-    there = known(command.settings, _choices(command, (each for each in pairs if _NAMES.fullmatch(each[1])), sweeps))
+    named, base = [each for each in pairs if _NAMES.fullmatch(each[1])], base_of(command.settings, dict(pairs))
+    there = known(command.settings, _choices(command, named, sweeps), base=base)
     overrides = tuple(_override(_find(command, name, there), name, value, sweeps) for name, value in pairs)
     return Typed(overrides, sweeps, SHOW in flags, apart)
 
@@ -89,7 +91,8 @@ def literals(values: str) -> str:
 
 
 def _own(command: Command) -> set[str]:
-    return {*(field.name for field in fields(command.settings)), *getattr(command.settings, "PRESETS", {})}
+    own = {field.name for field in fields(command.settings)} | {*getattr(command.settings, "PRESETS", {})}
+    return own | {FROM} if hasattr(command.settings, "like") else own
 
 
 def _flag(command: Command, word: str) -> str:
@@ -149,8 +152,6 @@ def _find(command: Command, name: str, there: Mapping[str, Key]) -> Key:
     within = any(key.takes == "mapping" and name.startswith(f"{each}.") for each, key in there.items())
     if within or any(each.startswith(f"{name}.") for each in there):
         return Key(name, "", "")
-    if command.name == "train" and name == "from":
-        raise InvalidValueError(f"There is no key from. {FROM_A_RUN.format('RUN')}")
     raise unknown_key(name, there, command.hint)
 
 

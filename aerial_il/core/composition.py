@@ -11,7 +11,19 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from aerial_il.core import presets, registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.schema import Choice, Name, bare, default_of, group_of, hints_of, keys, marked, options, unknown_key
+from aerial_il.core.schema import (
+    FROM,
+    Choice,
+    Name,
+    bare,
+    default_of,
+    group_of,
+    hints_of,
+    keys,
+    marked,
+    options,
+    unknown_key,
+)
 
 _PLAIN: dict[type, tuple[type, ...]] = {bool: (bool,), int: (int,), float: (int, float), str: (str,)}
 _IN_WORDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}
@@ -21,7 +33,8 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
     """Return settings of ``kind``: those of ``base``, or the defaults, with what is ``given`` changed, nested likewise.
 
     Args:
-        kind: a dataclass; its ``PRESETS`` names keys beside its own, each of which sets several of them.
+        kind: a dataclass; its ``PRESETS`` names keys beside its own, each of which sets several of them; where it has
+            ``like(place)``, the key ``from`` names earlier work, whose settings are the base.
         given: key -> value; mappings for groups, lists for tuples, names or mappings with a name for choices.
         at: where they stand, e.g. ``algorithm.``, for errors.
 
@@ -29,27 +42,46 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         UnknownNameError: there is no such setting or choice.
         InvalidValueError: a value does not fit, or one is missing.
     """
+    if (like := base_of(kind, given)) is not None:
+        _require(kind, given, at)
+        return build(kind, {name: value for name, value in given.items() if name != FROM}, base=like, at=at)
     sets = getattr(kind, "PRESETS", ())
     if said := next((name for name in sets if given.get(name) is not None), None):
         return _over_preset(kind, {**given}, said, base, at)
     hints, known = hints_of(kind), {f.name: f for f in fields(kind) if f.init}  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for name, value in given.items():
-        if name in sets:  # null
+        if name in sets or (name == FROM and hasattr(kind, "like")):  # null
             continue
         if name not in known:
             raise unknown_key(f"{at}{name}", [key.name for key in keys(kind, base=base, at=at)])
         before = getattr(base, name) if base is not None else default_of(known[name])
         values[name] = _value(hints[name], value, None if before is MISSING else before, f"{at}{name}")
-    lacking = sorted(n for n, f in known.items() if base is None and n not in values and default_of(f) is MISSING)
-    if lacking:
-        wanted = " ".join(f"{at}{name}=..." for name in lacking)
-        raise InvalidValueError(f"{(at[:-1] or kind.__name__).lower()} needs {wanted}")
+    if base is None:
+        _require(kind, values, at)
     try:
         return replace(base, **values) if base is not None else kind(**values)  # type: ignore[type-var]
     except InvalidValueError as error:
         named = re.split(r"\W", str(error), maxsplit=1)[0] in known
         raise type(error)(f"{at if named else ''}{error}") from error
+
+
+def base_of(kind: type, given: Mapping[str, Any]) -> Any:
+    """Return the settings of the earlier work that ``from`` names, None where nothing does.
+
+    Raises:
+        InvalidValueError: there is no such work, or its settings are of another version.
+    """
+    place = given.get(FROM) if hasattr(kind, "like") else None
+    return None if place is None else kind.like(os.fspath(place))  # type: ignore[attr-defined]
+
+
+def _require(kind: type, given: Mapping[str, Any], at: str) -> None:
+    """Refuse to go on without what has no default."""
+    needed = (f.name for f in fields(kind) if f.init and default_of(f) is MISSING)
+    if lacking := sorted(name for name in needed if name not in given):
+        wanted = " ".join(f"{at}{name}=..." for name in lacking)
+        raise InvalidValueError(f"{(at[:-1] or kind.__name__).lower()} needs {wanted}")
 
 
 def changed[S](settings: S, changes: Mapping[str, Any]) -> S:

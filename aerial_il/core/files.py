@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -31,22 +33,33 @@ def write_atomic(path: str | os.PathLike[str], content: bytes | str) -> Path:
         The path written.
 
     Raises:
-        OSError: the disk is full or the folder not writable; the old file is untouched.
+        OSError: the disk is full or the folder not writable; it names ``path``, and the old file is untouched.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
+    with writing(path, temporary):
         with open(temporary, "wb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
     sync_folder(path.parent)
     return path
+
+
+@contextmanager
+def writing(path: Path, part: Path) -> Iterator[None]:
+    """Write ``path`` by way of ``part``: what fails leaves nothing, and an error of the system's names ``path``.
+
+    Of a full disk the system says what happened, but not to which file.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def write_json(path: str | os.PathLike[str], tree: Any) -> Path:

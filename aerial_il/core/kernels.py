@@ -7,14 +7,17 @@ code is cached on disk, so only the first run after an edit pays for compilation
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import sigutils
+from numba.core import event, sigutils
 from numba.core.ccallback import CFunc
+
+log = logging.getLogger(__name__)
 
 PACKAGE = Path(__file__).parent.parent
 OPTIONS: dict[str, Any] = {"error_model": "numpy"}  # division by zero gives infinity
@@ -28,6 +31,23 @@ CALLED = {
     "suite/sensors": ("suite/sensors",),
     "control/controllers": ("control/controllers",),
 }
+
+
+class _FirstCompilation(event.Listener):
+    """Says, once a process, why nothing seems to happen where the cache on disk has not what is called."""
+
+    said = False
+
+    def on_start(self, event: event.Event) -> None:
+        if not self.said:
+            log.info("Compiling the simulation, once after an installation or an edit: about a minute.")
+        self.said = True
+
+    def on_end(self, event: event.Event) -> None:
+        pass
+
+
+event.register("numba:compile", _FirstCompilation())
 
 
 def kernel(function: Callable[..., Any]) -> Callable[..., Any]:

@@ -21,6 +21,7 @@ from aerial_il.core.renamed import moved
 
 _MEANING = re.compile(r"^    ((?:\w+, )*\w+): (.+(?:\n {8,}.+)*)", re.MULTILINE)
 _ANOTHER = re.compile(r"(?<=[.;]) ((?:\w+, )*\w+): ")
+FROM = "from"  # key of earlier work whose settings are taken
 _LISTED = {"tier": "aerial_il.suite.tiers"}  # names that stand in no files of their own
 
 
@@ -87,6 +88,8 @@ def keys(kind: type, *, base: Any = None, at: str = "") -> Iterator[Key]:
             yield from keys(inner, base=None if default in (None, MISSING) else default, at=f"{at}{field.name}.")
     for name, meaning in getattr(kind, "PRESETS", {}).items():
         yield Key(name, "null", f"{meaning}: {', '.join(presets.names(name))}", "preset", nullable=True, kind=name)
+    if (like := getattr(kind, "like", None)) is not None:
+        yield Key(f"{at}{FROM}", "null", inspect.cleandoc(like.__doc__ or ""), "text", nullable=True)
 
 
 def meanings(kind: type) -> dict[str, str]:

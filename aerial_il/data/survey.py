@@ -44,7 +44,7 @@ class Survey:
         files: uid -> the file of a recorded episode, where each has one of its own.
     """
 
-    loaders: dict[str, Loader] = field(default_factory=dict)
+    loaders: dict[str, Loader] = field(default_factory=dict, repr=False)
     left_out: dict[str, DemoError] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
     assumed: list[str] = field(default_factory=list)

@@ -73,6 +73,10 @@ class Comparison:
     only_b: tuple[int, ...]
     changes: tuple[MetricChange, ...]
 
+    def __repr__(self) -> str:
+        rates = f"{self.a} {100 * self.rate_a:.1f} %, {self.b} {100 * self.rate_b:.1f} %"
+        return f"Comparison({rates}, p = {self.p_value:.3g})"
+
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
 

@@ -99,6 +99,9 @@ class EvaluationResult:
     provenance: Mapping[str, Any]
     flights: Mapping[int, Flight] = field(default_factory=dict, repr=False)
 
+    def __repr__(self) -> str:
+        return f"EvaluationResult({self.policy}: {self.robot}/{self.task}, {self.tier}, {self.headline()})"
+
     @property
     def seeds(self) -> list[int]:
         return [episode.seed for episode in self.episodes]

@@ -14,6 +14,7 @@ from typing import Any
 from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 from aerial_il.evaluation.training_run import CONFIG, METRICS, TrainingRun, is_run, read_run
 
+NO_RUN = "holds no training run"
 TRASH = "trash"  # where pruned runs are put, below the folder that was looked into
 _INSIDE = {"checkpoints", "tensorboard", "policy", "best", "wandb", "mlruns", TRASH}  # of runs; no runs are in them
 _CONDITION = re.compile(r"(?P<key>[^=!<>~]+)(?P<sign>!=|<=|>=|=|<|>|~)(?P<value>.*)", re.DOTALL)
@@ -41,6 +42,9 @@ class RunCollection:
     runs: tuple[TrainingRun, ...]
     refused: Mapping[Path, str]
     axes: Mapping[str, list[Any]]
+
+    def __repr__(self) -> str:
+        return f"RunCollection({self.folder}: {len(self.runs)} runs, {len(self.refused)} refused)"
 
     def name(self, run: TrainingRun) -> str:
         """Return a run's path below the folder."""
@@ -130,7 +134,7 @@ def read_runs(folder: str | os.PathLike[str]) -> RunCollection:
         except AerialError as error:
             refused[place] = _half_written(place) or " ".join(str(error).split())
     others = [] if is_run(folder) else _others(folder, {*(run.path for run in runs), *refused})
-    refused |= dict.fromkeys(others, "holds no training run")
+    refused |= dict.fromkeys(others, NO_RUN)
     return RunCollection(folder, tuple(runs), refused, axes_of(runs))
 
 

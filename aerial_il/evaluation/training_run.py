@@ -66,6 +66,10 @@ class TrainingRun:
     finished: bool
     judged: Mapping[str, EvaluationResult] = field(default_factory=dict, repr=False)
 
+    def __repr__(self) -> str:
+        state = f"{self.steps} steps, {'finished' if self.finished else 'not finished'}"
+        return f"TrainingRun({self.path}: {self.policy} by {self.algorithm}, seed {self.seed}, {state})"
+
     @property
     def seed(self) -> int:
         return int(self.config.get("seed", 0))

@@ -59,6 +59,9 @@ class Expert(ABC):
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}(noise={self.noise}, seed={self.seed})"
+
     def attach(self, env: BatchEnv | HasSimulation) -> None:
         """Bind to the environment to act in, with phases yet to be read off its state.
 

@@ -32,6 +32,9 @@ class SuiteTask(control.Task):
         self.executed: np.ndarray | None = None
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
 
+    def __repr__(self) -> str:
+        return f"SuiteTask({self.simulation.scenario})"
+
     def initialize_episode(self, physics: Physics) -> None:
         self.simulation.reset(np.array([self.next_seed]))
         self.next_seed += 1

@@ -1,15 +1,18 @@
-"""The training runs below a folder: read, filtered, sorted, drawn on a page, and put away."""
+"""The training runs and evaluations below a folder: read, filtered, sorted, drawn on a page, and put away."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.workflows.spelling import parts
 
 if TYPE_CHECKING:
+    from aerial_il.evaluation.result import EvaluationResult
     from aerial_il.evaluation.run_collection import RunCollection
 
 PAGE = "report.html"
@@ -40,25 +43,65 @@ class Runs:
 
 @dataclass(frozen=True)
 class Listed:
-    """The runs that were chosen, the page if one was written, and what was put away."""
+    """The runs that were chosen, rows of evaluations, the page if one was written, and what was put away."""
 
     runs: RunCollection
+    evaluations: tuple[dict[str, Any], ...]
     page: Path | None
     pruned: tuple[str, ...]
 
 
 def runs(settings: Runs) -> Listed:
-    """Read and choose; then write the page and put away what is to go."""
+    """Read and choose; then write the page and put away what is to go.
+
+    Of the evaluations, ``where`` leaves those in the folders of the runs that it chooses.
+    """
     from aerial_il.evaluation.run_collection import read_runs
     from aerial_il.workflows.parts.pruning import prune
 
-    collection = read_runs(settings.folder)
-    collection = collection.where(parts(settings.where)) if settings.where else collection
+    collection, evaluations = _with_evaluations(read_runs(settings.folder))
+    if settings.where:
+        collection = collection.where(parts(settings.where))
+        chosen = {run.path for run in collection.runs}
+        evaluations = {place: row for place, row in evaluations.items() if not chosen.isdisjoint(place.parents)}
     collection = collection.sorted_by(settings.sort) if settings.sort else collection
     page = _page(collection) if settings.page else None
     delete = settings.prune == "delete"
     gone = [prune(run, collection.folder, delete=delete) for run in collection.runs] if settings.prune else []
-    return Listed(collection, page, tuple(gone))
+    return Listed(collection, tuple(evaluations.values()), page, tuple(gone))
+
+
+def _with_evaluations(collection: RunCollection) -> tuple[RunCollection, dict[Path, dict[str, Any]]]:
+    """Return folder -> row of the evaluation in it, and the runs, whose folder is no longer refused for having none."""
+    from aerial_il.evaluation.result import load_result
+    from aerial_il.evaluation.run_collection import NO_RUN
+
+    rows, refused = dict[Path, dict[str, Any]](), dict[Path, str]()
+    for place in _evaluated(collection.folder):
+        try:
+            rows[place] = _row(os.path.relpath(place, collection.folder), load_result(place))
+        except AerialError as error:
+            refused[place] = str(error)
+    holding = {each for place in (*rows, *refused) for each in (place, *place.parents)}
+    known = {place: why for place, why in collection.refused.items() if why != NO_RUN or place not in holding}
+    return replace(collection, refused={**refused, **known}), rows
+
+
+def _evaluated(folder: Path) -> Iterator[Path]:
+    """Yield the folders that hold an evaluation, by name; the trash, links and hidden folders are not entered."""
+    from aerial_il.evaluation.result import FILE_NAME
+    from aerial_il.evaluation.run_collection import TRASH
+
+    for place, inner, files in os.walk(folder):
+        inner[:] = sorted(name for name in inner if name != TRASH and not name.startswith("."))
+        if FILE_NAME in files:
+            yield Path(place)
+
+
+def _row(name: str, result: EvaluationResult) -> dict[str, Any]:
+    said = {key: getattr(result, key) for key in ("policy", "robot", "task", "tier")}
+    success = {"success": result.success["rate"], "ci95": list(result.success["ci95"])}
+    return {"evaluation": name, **said, **success, "episodes": len(result.episodes)}
 
 
 def _page(collection: RunCollection) -> Path:

@@ -35,7 +35,7 @@ def words_of(settings: Any, *, without: Collection[str] = ()) -> list[str]:
     """
     words = list[str]()
     for key in schema.keys(type(settings)):
-        if "." in key.name or key.name in without or key.takes == "preset":
+        if "." in key.name or key.name in without or not hasattr(settings, key.name):  # presets, from=
             continue
         value = getattr(settings, key.name)
         if key.takes == "choice":

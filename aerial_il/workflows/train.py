@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.core.composition import build, chosen
+from aerial_il.core.composition import build, chosen, plain
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
 COMMAND = "command.json"  # in the run's folder: what leads to it
+OF_ONE_CALL = ("run", "resume", "progress")
+IN_CONFIG = ("policy", "algorithm", "seed")  # of which config.yaml has what was trained with
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +102,13 @@ class Train:
     def __post_init__(self) -> None:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
+    @classmethod
+    def like(cls, run: str) -> Train:
+        """run whose settings hold where nothing else is said; another policy or algorithm has its own defaults"""
+        from aerial_il.workflows.parts.earlier_run import settings_of
+
+        return settings_of(run)
+
 
 def train(settings: Train) -> ChunkPolicy:
     """Train as ``settings`` say, and return the policy.
@@ -138,7 +147,7 @@ def train(settings: Train) -> ChunkPolicy:
         algorithm, dataset.path, reference=where, images=policy.images, expert=settings.expert,
         tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port, reading=dataset,
     )  # fmt: skip
-    kept = _command_kept(settings.run, dataset, lambda: command(settings))
+    kept = _command_kept(settings)
     with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed:
         return algorithm.train(
             episodes, policy, run=settings.run, seed=settings.seed, evaluate=evaluate,
@@ -178,13 +187,17 @@ def _demonstrations(
 
 
 @contextmanager
-def _command_kept(run: str, dataset: Dataset, said: Callable[[], str]) -> Iterator[None]:
+def _command_kept(settings: Train) -> Iterator[None]:
     """Keep in the run's folder what leads to it, once the training has ended or been stopped: then the run is ours."""
     from aerial_il.core.files import write_json
 
+    dataset = settings.dataset
+
     def keep() -> None:
         learned_from = {"path": dataset.path, "episodes": dataset.episodes, "reading": dataset.answers}
-        write_json(Path(run) / COMMAND, {"command": said(), "dataset": learned_from})
+        own = {key: each for key, each in plain(settings).items() if key not in (*OF_ONE_CALL, *IN_CONFIG)}
+        content = {"command": command(settings), "dataset": learned_from, "settings": own}
+        write_json(Path(settings.run) / COMMAND, content)
 
     try:
         yield

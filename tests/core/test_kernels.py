@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -25,6 +28,20 @@ def stamp(compiled: Any) -> str:
 def test_the_cache_is_stamped_with_all_sources() -> None:
     assert stamp(numba.njit(cache=True)(lambda x: x)) == numba.__version__
     assert stamp(rotations.add) == f"{numba.__version__} {stamp_of_all()}"
+
+
+def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        "import logging\nfrom aerial_il.core.kernels import kernel\nlogging.basicConfig(level=logging.INFO)\n"
+        "one = kernel(lambda x: x + 1)\ntwo = kernel(lambda x: x + 2)\nprint(one(1), two(1))\n"
+    )
+    cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    told = [
+        subprocess.run([sys.executable, "own.py"], cwd=tmp_path, env=cache, capture_output=True, text=True, check=True)
+        for _ in range(2)
+    ]
+    assert [done.stdout for done in told] == ["2 3\n"] * 2
+    assert [done.stderr.count("Compiling the simulation") for done in told] == [1, 0]
 
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -82,10 +82,10 @@ class SupervisedRun:
         )
         self._loader = self._stack.enter_context(loader)
         self._loader.wait_share(learner.elapsed_s)
-        name, quiet = f"train {self._origin['algorithm']}", not self._progress
-        self._bar = Progress(
-            total=total, initial=learner.step, desc=name, unit="step", dynamic_ncols=True, disable=quiet
-        )
+        bar = {"desc": f"train {self._origin['algorithm']}", "unit": "step", "disable": not self._progress}
+        minutes = self._settings.minutes
+        limit_s = 60 * minutes - learner.elapsed_s if minutes else None
+        self._bar = Progress(total=total, initial=learner.step, limit_s=limit_s, dynamic_ncols=True, **bar)
 
     @property
     def progress(self) -> float:

@@ -30,7 +30,7 @@ class DapgExpert:
             that actions are drawn with; 0 flies the mean.
     """
 
-    arrays: dict[str, np.ndarray]
+    arrays: dict[str, np.ndarray] = field(repr=False)
     noise: float = 1.0
     _env: BatchEnv | None = field(default=None, repr=False)
 

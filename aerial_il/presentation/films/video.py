@@ -22,7 +22,7 @@ from PIL.PngImagePlugin import PngInfo
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import write_atomic
+from aerial_il.core.files import write_atomic, writing
 from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
@@ -148,7 +148,8 @@ def film_episode(
         frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
     else:
         frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
-    total, name = -(-len(flight.actions) // (speed * stride)), f"film of seed {episode.seed}"
+    steps, name = range(len(flight.actions))[:: speed * stride], f"film of seed {episode.seed}"
+    total = len(steps) + (steps[-1] != len(flight.actions) - 1)  # the last moment is always shown
     drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
     last = write_mp4(path, iter(drawn), rate=rate, hold_frames=round(HOLD_S * rate))
     write_atomic(clip.poster, jpeg(last))
@@ -268,7 +269,7 @@ def write_mp4(
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.part")
     options = {"crf": "26", "preset": "medium", "maxrate": str(max_rate), "bufsize": str(max_rate)}
-    try:
+    with writing(path, part):
         with av.open(str(part), "w", format="mp4", options={"movflags": "+faststart"}) as container:
             container.metadata["comment"] = MADE_BY
             stream = container.add_stream("libx264", rate=rate, options=options)
@@ -278,8 +279,6 @@ def write_mp4(
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
             container.mux(stream.encode(None))
         os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return picture
 
 

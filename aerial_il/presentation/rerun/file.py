@@ -65,8 +65,11 @@ class FlightFile:
         stream.save(part)
         stream.send_recording_name(name)
         yield stream
-        stream.flush()
-        stream.disconnect()
+        try:
+            stream.flush()
+            stream.disconnect()
+        except RuntimeError as error:  # rerun's writer has ended: it says no more
+            raise StorageError(self.path, OSError(str(error)), "Make room and run the same command again.") from error
         self._parts.append(part)
 
     def _whole(self) -> Path:

@@ -95,6 +95,9 @@ class OutsideBatch(BatchEnvBase):
         self._obs = {f.name: np.zeros((num_envs, *f.shape), f.dtype) for f in first.observation.fields}
         self._last = _nothing_yet(self._obs, num_envs, first.action.size)
 
+    def __repr__(self) -> str:
+        return f"OutsideBatch({self.spec.robot}:{self.spec.task}, {self.num_envs} worlds)"
+
     @property
     def model_xml(self) -> str:
         """Note that a recording keeps in place of a scene, which belongs to the environment and is not ours to copy."""

@@ -74,6 +74,9 @@ class SharedBatch(BatchEnvBase):
         self.model, self.model_xml, self.goal_spec = self._own.model, self._own.model_xml, self._own.goal_spec
         self.seeds = self._all("seeds")
 
+    def __repr__(self) -> str:
+        return f"SharedBatch({self.spec.robot}:{self.spec.task}, {self.num_envs} worlds)"
+
     @property
     def ctrl(self) -> np.ndarray:
         """(n, nu) actuator controls, where the environment is MuJoCo's."""

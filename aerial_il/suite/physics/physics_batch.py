@@ -259,6 +259,9 @@ class Physics(dm_mujoco.Physics):
 
     fly: Callable[[int], None]
 
+    def __repr__(self) -> str:
+        return f"Physics({self.model.nq} positions, {self.model.nv} velocities, {self.time():.2f} s)"
+
     @staticmethod
     def from_mujoco(model: mujoco.MjModel) -> Physics:
         """Wrap a compiled model."""

@@ -101,6 +101,9 @@ class Task(ABC):
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.grade}, {self.time_limit_s:g} s: {self.instruction})"
+
     def infeasibility(self, robot: Robot) -> str | None:
         """Say why ``robot`` cannot do this task, by the task's rules or in its own file, or None if it can."""
         if self.needs_arm and not robot.num_joints:

@@ -100,17 +100,17 @@ def paid_along(run: str | os.PathLike[str], episode: Episode) -> dict[str, np.nd
     return {label: reward_along(run, flight) for label, flight in flights.items()}
 
 
-def footage(run: TrainingRun, videos: int) -> Footage:
+def footage(run: TrainingRun, videos: int, progress: bool = False) -> Footage:
     """Return films of the final policy: those of the run's evaluations, else of a few flights made now."""
     if not run.finished:
         return Footage(note="No films: the run is not finished.")
     for name, result in run.judged.items():
         if result.policy == str(run.path) and (kept := results.footage_of(run.path / name, result)).clips:
             return kept
-    return _flown(run, videos) if videos else Footage()
+    return _flown(run, videos, progress) if videos else Footage()
 
 
-def _flown(run: TrainingRun, videos: int) -> Footage:
+def _flown(run: TrainingRun, videos: int, progress: bool) -> Footage:
     """Fly each of the policy's tasks and film it there."""
     from aerial_il.policies import load_policy
 
@@ -119,17 +119,18 @@ def _flown(run: TrainingRun, videos: int) -> Footage:
         flown = pilots.pilots_of(policy, str(run.path))
         folder = run.path / results.VIDEOS
         places = [folder / pilot.task for pilot in flown] if len(flown) > 1 else [folder]
-        films = [_filmed(pilot, policy.spec, place, videos) for pilot, place in zip(flown, places, strict=True)]
+        pairs = zip(flown, places, strict=True)
+        films = [_filmed(pilot, policy.spec, place, videos, progress) for pilot, place in pairs]
     except AerialError as error:
         return Footage(note=f"No films: {error}")
     return Footage(tuple(clip for footage in films for clip in footage.clips), films[0].note)
 
 
-def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int) -> Footage:
+def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int, progress: bool) -> Footage:
     """Film the first successes and failures of a few flights, ``videos`` of each."""
     from aerial_il.evaluation.rollouts import evaluate
 
     seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)
     with closing(pilot.environment(spec.tier, num_envs=FLOWN, threads=0, controller=spec.controller)) as env:
-        result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=False)
-        return film(env, result, folder, successes=videos, failures=videos)
+        result = evaluate(env, pilot.policy, seeds, policy_name="the final policy", progress=progress)
+        return film(env, result, folder, successes=videos, failures=videos, progress=progress)

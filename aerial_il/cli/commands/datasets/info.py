@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from aerial_il.cli.as_json import AsJson
-from aerial_il.cli.tables import table
+from aerial_il.cli.tables import table, wrapped
 from aerial_il.workflows.info import MADE_BY, Info, info
 
 
@@ -38,7 +38,15 @@ def _as_text(described: dict[str, Any]) -> str:
     shown = [{key: e[key] for key in e if key not in MADE_BY} for e in episodes]
     notes = [_warning(described["repeated_seeds"])] if described["repeated_seeds"] else []
     return "\n\n".join(
-        [head, action, table(described["fields"]), total, table(described["made_by"]), *notes, table(shown)]
+        [
+            wrapped(head),
+            wrapped(action),
+            table(described["fields"]),
+            total,
+            table(described["made_by"]),
+            *notes,
+            table(shown),
+        ]
     )
 
 

@@ -10,10 +10,12 @@ Example: aerial-il list html=true
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from aerial_il.cli.as_json import AsJson
-from aerial_il.cli.tables import table
+from aerial_il.cli.tables import table, wrapped
 from aerial_il.workflows.catalogue import Catalogue, Gallery, catalogue, gallery
 
 HIDDEN = ("summary",)  # too long for a terminal's table
@@ -55,4 +57,11 @@ def as_text(contents: Catalogue, *, declined: bool = False) -> str:
         for title, entries in contents.items()
         if title not in left_out
     }
-    return "\n\n".join(f"{title.replace('_', ' ').capitalize()}\n{table(entries)}" for title, entries in rows.items())
+    return "\n\n".join(f"{title.replace('_', ' ').capitalize()}\n{_laid_out(each)}" for title, each in rows.items())
+
+
+def _laid_out(entries: Sequence[Mapping[str, Any]]) -> str:
+    """Return a table; of what has nothing but names, these in a line."""
+    if all(entry.keys() == {"name"} for entry in entries):
+        return wrapped("  " + ", ".join(entry["name"] for entry in entries))
+    return table(entries)

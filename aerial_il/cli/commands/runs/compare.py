@@ -9,19 +9,13 @@ Example: aerial-il compare runs/sweep format=latex
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from aerial_il.cli.as_json import AsJson
-from aerial_il.cli.tables import ranked
+from aerial_il.cli.tables import as_csv, as_latex, ranked, wrapped
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.compare import Compare, compare
-
-Row = Mapping[str, str]
-LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,28 +40,11 @@ def run(settings: Shown) -> None:
     if not isinstance(made, Ranking):
         if settings.format != "text":
             raise InvalidValueError(f"format={settings.format} is of a ranking; two are compared as text, or --json.")
-        settings.show(made.to_dict(), made.summary)
+        settings.show(made.to_dict(), lambda: wrapped(made.summary()))
         return
-    writers = {"text": lambda: ranked(made), "csv": lambda: _csv(made.rows()),
-               "latex": lambda: _latex(made.rows(), made.note)}  # fmt: skip
+    writers = {
+        "text": lambda: ranked(made),
+        "csv": lambda: as_csv(made.rows()),
+        "latex": lambda: as_latex(made.rows(), made.note),
+    }
     settings.show(made.to_dict(), writers[settings.format])
-
-
-def _csv(rows: Sequence[Row]) -> str:
-    text = io.StringIO()
-    writer = csv.DictWriter(text, rows[0], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue().rstrip()
-
-
-def _latex(rows: Sequence[Row], note: str) -> str:
-    """Return a table that needs the package booktabs."""
-    lines = [" & ".join(map(_escaped, row.values())) + r" \\" for row in rows]
-    head = " & ".join(rows[0]) + r" \\"
-    inside = [r"\toprule", head, r"\midrule", *lines, r"\bottomrule"]
-    return "\n".join([f"% {note}", rf"\begin{{tabular}}{{{'l' * len(rows[0])}}}", *inside, r"\end{tabular}"])
-
-
-def _escaped(text: str) -> str:
-    return "".join(LATEX.get(letter, letter) for letter in text)

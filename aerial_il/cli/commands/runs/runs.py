@@ -1,4 +1,7 @@
-"""List the training runs below a folder: what they differ in, how far they came; filter, sort, compare and prune them.
+"""List the training runs and evaluations below a folder; filter, sort, compare and prune the runs.
+
+Of runs it says what they differ in and how far they came, of evaluations success with its 95 % interval; where= leaves
+the evaluations in the folders of the runs that it chooses.
 
 A condition is a column or a setting, a sign (= != < <= > >=, ~ for a pattern) and a value; commas part several,
 which must all hold. Folders that are no runs, or cannot be read, are named with the reason, and the others are listed.
@@ -15,7 +18,7 @@ Example: aerial-il runs runs where=state!=finished prune=trash
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,7 +26,7 @@ from typing import TYPE_CHECKING, Any
 from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import fitting, table
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.workflows.runs import Runs, runs
+from aerial_il.workflows.runs import Listed, Runs, runs
 
 if TYPE_CHECKING:
     from aerial_il.evaluation.run_collection import RunCollection
@@ -51,8 +54,8 @@ SETTINGS, BARE = Shown, ("folder",)
 def run(settings: Shown) -> None:
     """Print what was asked for."""
     listed = runs(settings)
-    as_text = _compared if settings.compare else partial(_listing, columns=settings.columns)
-    settings.show(_plain(listed.runs), partial(as_text, listed.runs))
+    as_text = partial(_compared, listed.runs) if settings.compare else partial(_listing, listed, settings.columns)
+    settings.show(_plain(listed), as_text)
     if not settings.json:
         _warn(listed.runs)
     if listed.page is not None:
@@ -61,7 +64,14 @@ def run(settings: Shown) -> None:
         print(line)
 
 
-def _listing(collection: RunCollection, columns: Sequence[str]) -> str:
+def _listing(listed: Listed, columns: Sequence[str]) -> str:
+    """Return the table of runs, and that of evaluations unless columns of runs were asked for."""
+    evaluations = [] if columns else [table(list(map(_evaluation, listed.evaluations)))] * bool(listed.evaluations)
+    runs = [_runs(listed.runs, columns)] * bool(listed.runs.runs or not evaluations)
+    return "\n\n".join([*runs, *evaluations])
+
+
+def _runs(collection: RunCollection, columns: Sequence[str]) -> str:
     rows = _shown(collection, columns)
     if columns:
         return table(rows)
@@ -72,9 +82,15 @@ def _listing(collection: RunCollection, columns: Sequence[str]) -> str:
     return table(kept) + note
 
 
-def _plain(collection: RunCollection) -> dict[str, Any]:
-    refused = {str(place): why for place, why in collection.refused.items()}
-    return {"runs": collection.rows, "axes": collection.axes, "refused": refused}
+def _evaluation(row: Mapping[str, Any]) -> dict[str, Any]:
+    low, high = (f"{100 * end:.1f}" for end in row["ci95"])
+    return {**row, "success": f"{100 * row['success']:.1f} %", "ci95": f"{low} to {high} %"}
+
+
+def _plain(listed: Listed) -> dict[str, Any]:
+    refused = {str(place): why for place, why in listed.runs.refused.items()}
+    runs = {"runs": listed.runs.rows, "axes": listed.runs.axes}
+    return {**runs, "evaluations": list(listed.evaluations), "refused": refused}
 
 
 def _shown(collection: RunCollection, columns: Sequence[str]) -> list[dict[str, Any]]:

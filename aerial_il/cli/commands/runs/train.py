@@ -13,11 +13,15 @@ dataset.by_hand=false learns from them as recorded, true takes any recording for
 The keys of a policy and an algorithm: aerial-il train policy=act algorithm=dagger --help. A policy class is trained
 anew; to go on from a trained one, algorithm=bc_ppo algorithm.prior=RUN.
 
+from=RUN trains anew, with the settings and the dataset of that run, in another folder; what else is typed goes before
+them. A policy or an algorithm that is named, the same one too, comes with its own defaults.
+
 Who flies while it learns does so in the environment of the demonstrations. Learners from reward (sac, ppo, td3) need
 none, only env=..., or robot=... and task=...; said beside a dataset, these are what it must have been recorded with.
 
 Example: aerial-il train dataset=datasets/pick policy=mlp algorithm=bc run=runs/pick_bc
 Example: aerial-il train dataset=datasets/pick run=runs/pick_bc evaluate_every=1000 evaluate_episodes=50
+Example: aerial-il train from=runs/pick_bc algorithm.lr=1e-4 run=runs/pick_slow
 Example: aerial-il train algorithm=dagger dataset=datasets/pick run=runs/pick_dagger
 Example: aerial-il train algorithm=dagger expert=my_pilot:make dataset=datasets/mine run=runs/asked
 Example: aerial-il train algorithm=hg_dagger expert=human dataset=datasets/by_hand run=runs/rescued

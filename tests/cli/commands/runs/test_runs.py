@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.main import main
+from aerial_il.evaluation.result import EvaluationResult
+from tests.evaluation.conftest import diver as diver
 from tests.presentation.outline import Outline
 from tests.presentation.pages.test_run_report import make_run
 
@@ -37,6 +39,48 @@ def test_json_has_rows_axes_and_what_was_refused(folder: Path, capsys: pytest.Ca
     assert [row["success"] for row in result["runs"]] == [0.9, 0.7, 0.2]
     assert result["axes"] == {"seed": [0, 1, 2]}
     assert list(result["refused"]) == [str(folder / "foreign")]
+
+
+def test_evaluations_are_listed_with_their_success(
+    folder: Path, diver: EvaluationResult, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    diver.save(folder / "seed=1" / "gusts")
+    diver.save(folder / "foreign" / "deep" / "evaluation")
+    diver.save(folder / "trash" / "old")
+    (folder / "broken").mkdir()
+    (folder / "broken" / "evaluation.json").write_text("{}")
+    assert main(["runs", str(folder)]) == 0
+    said = capsys.readouterr()
+    runs, evaluations = said.out.split("\n\n")
+    assert "seed=2" in runs
+    assert [line.split()[0] for line in evaluations.splitlines()[2:]] == ["foreign/deep/evaluation", "seed=1/gusts"]
+    low, high = (f"{100 * end:.1f}" for end in diver.success["ci95"])
+    cells = [cell.strip() for cell in evaluations.splitlines()[-1].split("  ") if cell]
+    assert cells[-3:] == [f"{100 * diver.success['rate']:.1f} %", f"{low} to {high} %", "40"]
+    assert "foreign: holds no training run" not in said.err
+    assert "broken" in said.err
+    assert main(["runs", str(folder), "where=seed>0", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["evaluations"]
+    assert [(row["evaluation"], row["policy"], row["episodes"]) for row in rows] == [("seed=1/gusts", "diver", 40)]
+
+
+def test_tables_fit_the_terminal(
+    folder: Path, diver: EvaluationResult, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for place in "abc":
+        diver.save(folder / place)
+    whole = ""
+    commands = (["runs", str(folder)], ["list", "declined=true"], ["compare", *(str(folder / each) for each in "abc")])
+    for words in commands:
+        for columns in (80, 130):
+            monkeypatch.setenv("COLUMNS", str(columns))
+            assert main(words) == 0
+            assert max(map(len, capsys.readouterr().out.splitlines())) <= columns
+        monkeypatch.delenv("COLUMNS")
+        assert main(words) == 0
+        whole = capsys.readouterr().out
+    assert max(map(len, whole.splitlines())) > 130, "no terminal: each line is whole"
 
 
 def test_columns_are_chosen_among_results_and_settings(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
