@@ -1,0 +1,151 @@
+"""The policy that flies what was generated: for each world a source, its segments moved to where things are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from aerial_il.core.contracts import BatchEnv, Observation
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import named_rng
+from aerial_il.experts.perturbation import Perturbation
+from aerial_il.generation.plan import Path, joined, moved, transit
+from aerial_il.generation.segments import Segment, cut
+from aerial_il.generation.source import LEVEL, Source
+from aerial_il.generation.things import Poses, Scene
+
+Select = Literal["random", "nearest"]
+TRANSIT = "transit"
+NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
+
+
+@dataclass(eq=False)
+class _World:
+    """What one world flies: the segments to come, and the present stretch of commands, from ``step`` on."""
+
+    left: list[Segment]
+    path: Path
+    phases: np.ndarray
+    step: int = 0
+
+
+class Generator:
+    """Flies segments of sources, each moved to where its thing is when its turn comes.
+
+    Attributes:
+        phase_names: ``transit`` and the names of things. phase: (n,) present ones.
+        expert_action: (n, Da) what was meant, before the perturbation: the label to learn from.
+
+    Args:
+        sources: flights to take from. select: which of them flies: any at ``random``, or the ``nearest``, whose things
+            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. seed: of both.
+
+    Raises:
+        InvalidValueError: no such selection or noise.
+    """
+
+    def __init__(
+        self, sources: Sequence[Source], *, select: Select = "random", noise: float = 0.0, seed: int = 0
+    ) -> None:
+        if select not in get_args(Select):
+            raise InvalidValueError(f"select={select} is not one of {', '.join(get_args(Select))}.")
+        if not 0.0 <= noise <= 1.0:
+            raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
+        self.sources, self.select, self.seed = list(sources), select, seed
+        self._cut = [cut(source) for source in self.sources]
+        names = dict.fromkeys(segment.name for segments in self._cut for segment in segments)
+        self.phase_names = (TRANSIT, *names)
+        self._wander = Perturbation(noise, seed, name="generation noise")
+        self.phase = np.zeros(0, int)
+        self.expert_action = np.zeros((0, 0))
+
+    def attach(self, env: BatchEnv) -> None:
+        """Bind to the environment to fly in.
+
+        Raises:
+            InvalidValueError: it is of another task, or not flown at level ``ee_pose``.
+        """
+        spec, source = env.spec, self.sources[0].spec
+        if spec.task != source.task:
+            raise InvalidValueError(f"The sources fly {source.task}, the environment is of {spec.task}.")
+        if spec.action.level != LEVEL:
+            raise InvalidValueError(f"Generation flies at level {LEVEL!r}, the environment's is {spec.action.level!r}.")
+        self._env, self._spec = env, spec
+        self._scene = Scene(env.model)
+        self._worlds: list[_World | None] = [None] * env.num_envs
+        self.phase = np.zeros(env.num_envs, int)
+        self._wander.attach(env.num_envs)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
+        mask = np.ones(len(self._worlds), bool) if mask is None else np.asarray(mask, bool)
+        for world in np.flatnonzero(mask):
+            self._worlds[world] = None
+        self._wander.reset(mask)
+
+    def act(self, obs: Observation) -> np.ndarray:
+        """Return ``ee_pose`` actions (n, Da); the observation is ignored in favour of the simulator's state."""
+        self._plan()
+        bounds = self._spec.action
+        rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
+        self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
+        action = self.expert_action.copy()
+        share = np.where(self.phase == 0, NOISE_ON_THE_WAY, NOISE_AT_THINGS)
+        action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
+        return bounds.clip(action)
+
+    def _command(self, i: int, world: _World) -> np.ndarray:
+        step = min(world.step, len(world.path) - 1)
+        self.phase[i] = world.phases[step]
+        world.step += 1
+        path = world.path
+        return Path(path.pos[step : step + 1], path.mat[step : step + 1], path.gripper[step : step + 1]).actions[0]
+
+    def _plan(self) -> None:
+        """Give each world that has flown its commands the next ones."""
+        due = [i for i, world in enumerate(self._worlds) if world is None or _is_done(world)]
+        if not due:
+            return
+        states = self._env.get_state()
+        for i in due:
+            now = self._scene.at(states[i : i + 1])
+            world = self._worlds[i] or self._begun(i, now)
+            self._worlds[i] = self._continued(world, now)
+
+    def _begun(self, i: int, now: Poses) -> _World:
+        """Choose a source for a world, whose tool waits where it is."""
+        here = Path(now.tool_pos, now.tool_mat, np.ones(1))
+        return _World(list(self._cut[self._chosen(int(self._env.seeds[i]), now)]), here, np.zeros(1, int), 1)
+
+    def _continued(self, world: _World, now: Poses) -> _World:
+        """Return a world with the way to its next segment, and that."""
+        segment, *left = world.left
+        k = self._scene.names.index(segment.name)
+        path = moved(segment, self._scene.things[k], k, now)
+        opening = float(segment.gripper[0] if len(world.path) == 1 else world.path.gripper[-1])
+        way = transit(world.path, path, opening, self._spec.control_dt_s)
+        phases = np.repeat([0, self.phase_names.index(segment.name)], [len(way), len(path)])
+        return _World(left, joined(way, path), phases)
+
+    def _chosen(self, seed: int, now: Poses) -> int:
+        if self.select == "random" or len(self.sources) == 1:
+            return int(named_rng(seed, "source", str(self.seed)).integers(len(self.sources)))
+        names = self._scene.names
+        return int(np.argmin([_distance(source, names, now) for source in self.sources]))
+
+
+def _is_done(world: _World) -> bool:
+    return world.step >= len(world.path) and bool(world.left)
+
+
+def _distance(source: Source, names: tuple[str, ...], now: Poses) -> float:
+    """Return how far things lie from where they lay in a source, relative to the tool, m."""
+    then = source.poses
+    order = [names.index(thing.name) for thing in source.things]
+    apart = (now.pos[0, order] - now.tool_pos[0]) - (then.pos[0] - then.tool_pos[0])
+    return float(np.linalg.norm(apart, axis=1).sum())
+
+

@@ -1,0 +1,108 @@
+"""Move a segment to where its thing is now, and join it to where the tool is with a minimum-jerk transit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from aerial_il.core.rotations import rot6d_from_mat
+from aerial_il.generation.segments import Segment
+from aerial_il.generation.things import Poses, Thing
+
+SPEED_M_S, TURN_RAD_S = 0.45, 1.0  # mean ones of a transit
+LEAST_TRANSIT_S = 0.4
+LEAST_TRAVEL = 1e-3  # rad or m that a joint moved in the source, for its way to be scaled
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """K commands to the tool.
+
+    Attributes:
+        pos: (K, 3) m, world. mat: (K, 3, 3) world from tool. gripper: (K,) opening.
+    """
+
+    pos: np.ndarray
+    mat: np.ndarray
+    gripper: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pos)
+
+    @property
+    def actions(self) -> np.ndarray:
+        """(K, 10) at level ``ee_pose``."""
+        return np.concatenate([self.pos, rot6d_from_mat(self.mat), self.gripper[:, None]], axis=1)
+
+
+def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
+    """Return a segment relative to its thing as it is now.
+
+    A thing on a joint is led from where it stands to where the source led it: the way of its joint is scaled.
+
+    Args:
+        segment: of a source. thing: in the present scene, number ``k`` there. now: where everything is, one instant.
+    """
+    if thing.is_jointed:
+        turns, places = _led(segment, thing, k, now)
+    else:
+        turn = _turn(segment, now.mat[0, k])
+        turns, places = np.broadcast_to(turn, segment.mat.shape), np.broadcast_to(now.pos[0, k], segment.pos.shape)
+    pos = places + np.einsum("kij,kj->ki", turns, segment.pos - segment.thing_pos)
+    return Path(pos, turns @ segment.mat, segment.gripper)
+
+
+def transit(start: Path, end: Path, gripper: float, dt: float) -> Path:
+    """Return the way from the last command of ``start`` to the first of ``end``: minimum jerk, turning evenly.
+
+    Source: T. Flash and N. Hogan, "The coordination of arm movements", 1985, equation 2.
+
+    Args:
+        gripper: opening on the way. dt: s between commands.
+    """
+    here, there, ahead = start.pos[-1], end.pos[0], Rotation.from_matrix(start.mat[-1].T @ end.mat[0]).as_rotvec()
+    way, angle = float(np.linalg.norm(there - here)), float(np.linalg.norm(ahead))
+    seconds = max(LEAST_TRANSIT_S, way / SPEED_M_S, angle / TURN_RAD_S)
+    share = np.arange(1, round(seconds / dt)) / round(seconds / dt)
+    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    pos = here + share[:, None] * (there - here)
+    mat = start.mat[-1] @ Rotation.from_rotvec(share[:, None] * ahead).as_matrix()
+    return Path(pos, mat, np.full(len(share), gripper))
+
+
+def joined(*paths: Path) -> Path:
+    """Return paths one after the other."""
+    return Path(*(np.concatenate([getattr(path, name) for path in paths]) for name in ("pos", "mat", "gripper")))
+
+
+def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:
+    """Return by which rotation (3, 3) a path turns with a thing that is not on a joint."""
+    how, before = segment.turning, segment.thing_mat[0]
+    if how.how == "not":
+        return np.eye(3)
+    if how.how == "full":
+        return mat @ before.T
+    angle, period = _heading(mat) - _heading(before), 2.0 * np.pi / how.fold
+    return Rotation.from_euler("z", angle - period * np.round(angle / period)).as_matrix()
+
+
+def _led(segment: Segment, thing: Thing, k: int, now: Poses) -> tuple[np.ndarray, np.ndarray]:
+    """Return how a path turns (K, 3, 3) with a thing on a joint, and where that is (K, 3), step by step."""
+    first = segment.joint[0]
+    farthest = segment.joint[np.argmax(np.abs(segment.joint - first))]
+    here, travel = now.joint[0, k], farthest - first
+    scale = (farthest - here) / travel if abs(travel) > LEAST_TRAVEL else 1.0
+    ahead = scale * (segment.joint - first)
+    axis, anchor, pos, mat = (each[0, k] for each in (now.axis, now.anchor, now.pos, now.mat))
+    if thing.kind == "slide":
+        mats, places = np.broadcast_to(mat, segment.mat.shape), pos + ahead[:, None] * axis
+    else:
+        turns = Rotation.from_rotvec(ahead[:, None] * axis).as_matrix()
+        mats, places = turns @ mat, anchor + turns @ (pos - anchor)
+    return mats @ np.swapaxes(segment.thing_mat, 1, 2), places
+
+
+def _heading(mat: np.ndarray) -> float:
+    return float(np.arctan2(mat[1, 0], mat[0, 0]))
