@@ -8,7 +8,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnv, Observation
+from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.experts.perturbation import Perturbation
@@ -16,9 +16,12 @@ from aerial_il.generation.plan import Path, joined, moved, transit
 from aerial_il.generation.segments import Segment, cut
 from aerial_il.generation.source import LEVEL, Source
 from aerial_il.generation.things import Poses, Scene
+from aerial_il.suite.batch import BatchEnvironment
 
 Select = Literal["random", "nearest"]
 TRANSIT = "transit"
+ARRIVED_M, PATIENCE_STEPS = 0.02, 50  # a command waits, so many steps a segment, for the tool to be so near
+HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
 NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
 
 
@@ -28,8 +31,12 @@ class _World:
 
     left: list[Segment]
     path: Path
+    actions: np.ndarray
     phases: np.ndarray
     step: int = 0
+    waited: int = 0
+    flown: Segment | None = None
+    attempts: int = 1
 
 
 class Generator:
@@ -62,7 +69,7 @@ class Generator:
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
 
-    def attach(self, env: BatchEnv) -> None:
+    def attach(self, env: BatchEnvironment) -> None:
         """Bind to the environment to fly in.
 
         Raises:
@@ -75,6 +82,7 @@ class Generator:
             raise InvalidValueError(f"Generation flies at level {LEVEL!r}, the environment's is {spec.action.level!r}.")
         self._env, self._spec = env, spec
         self._scene = Scene(env.model)
+        self._joints = {t.name: env.model.joint(t.joint).name for t in self._scene.things if t.kind == "free"}
         self._worlds: list[_World | None] = [None] * env.num_envs
         self.phase = np.zeros(env.num_envs, int)
         self._wander.attach(env.num_envs)
@@ -98,11 +106,28 @@ class Generator:
         return bounds.clip(action)
 
     def _command(self, i: int, world: _World) -> np.ndarray:
+        """Return the command of a world, the same until the tool has come to where it belongs."""
         step = min(world.step, len(world.path) - 1)
         self.phase[i] = world.phases[step]
-        world.step += 1
-        path = world.path
-        return Path(path.pos[step : step + 1], path.mat[step : step + 1], path.gripper[step : step + 1]).actions[0]
+        aside = self._slipped(i, world, step)
+        there = world.path.there[step] + aside
+        late = np.linalg.norm(self._env.simulation.view.tool_pos[i] - there) > ARRIVED_M
+        if late and world.waited < PATIENCE_STEPS:
+            world.waited += 1
+        else:
+            world.step += 1
+        action = world.actions[step].copy()
+        action[:3] += aside
+        return action
+
+    def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
+        """Return by how much (3,) m a carried thing lies elsewhere in the gripper than in the source."""
+        offset, view = world.path.offset[step], self._env.simulation.view
+        if world.flown is None or np.isnan(offset[0]):
+            return np.zeros(3)
+        place, _ = view.free_joint(self._joints[world.flown.carried])
+        aside = view.tool_pos[i] - view.qpos[i, place][:3] - offset
+        return aside if np.linalg.norm(aside) < HELD_M else np.zeros(3)
 
     def _plan(self) -> None:
         """Give each world that has flown its commands the next ones."""
@@ -117,18 +142,28 @@ class Generator:
 
     def _begun(self, i: int, now: Poses) -> _World:
         """Choose a source for a world, whose tool waits where it is."""
-        here = Path(now.tool_pos, now.tool_mat, np.ones(1))
-        return _World(list(self._cut[self._chosen(int(self._env.seeds[i]), now)]), here, np.zeros(1, int), 1)
+        here = Path(now.tool_pos, now.tool_mat, np.ones(1), now.tool_pos, np.full((1, 3), np.nan))
+        chosen = self._cut[self._chosen(int(self._env.seeds[i]), now)]
+        return _World(list(chosen), here, here.actions, np.zeros(1, int), 1)
 
     def _continued(self, world: _World, now: Poses) -> _World:
-        """Return a world with the way to its next segment, and that."""
-        segment, *left = world.left
+        """Return a world with the way to its next segment, and that; to the last one again, if its thing was missed."""
+        missed = world.flown is not None and self._missed(world.flown, now) and world.attempts < ATTEMPTS
+        segment, *left = [world.flown, *world.left] if missed else world.left
         k = self._scene.names.index(segment.name)
-        path = moved(segment, self._scene.things[k], k, now)
-        opening = float(segment.gripper[0] if len(world.path) == 1 else world.path.gripper[-1])
-        way = transit(world.path, path, opening, self._spec.control_dt_s)
+        path, mat = moved(segment, self._scene.things[k], k, now)
+        opening = float(world.path.gripper[-1] if world.flown and not missed else segment.gripper[0])
+        way = transit(world.path, path.there[0], mat, gripper=opening, dt=self._spec.control_dt_s)
         phases = np.repeat([0, self.phase_names.index(segment.name)], [len(way), len(path)])
-        return _World(left, joined(way, path), phases)
+        whole = joined(way, path)
+        return _World(left, whole, whole.actions, phases, flown=segment, attempts=world.attempts + missed)
+
+    def _missed(self, segment: Segment, now: Poses) -> bool:
+        """Return whether a segment should have ended with its thing in the gripper, and did not."""
+        if segment.held is None:
+            return False
+        pos = now.pos[0, self._scene.names.index(segment.name)]
+        return bool(np.linalg.norm(now.tool_mat[0].T @ (pos - now.tool_pos[0]) - segment.held) > HELD_M)
 
     def _chosen(self, seed: int, now: Poses) -> int:
         if self.select == "random" or len(self.sources) == 1:
@@ -147,5 +182,3 @@ def _distance(source: Source, names: tuple[str, ...], now: Poses) -> float:
     order = [names.index(thing.name) for thing in source.things]
     apart = (now.pos[0, order] - now.tool_pos[0]) - (then.pos[0] - then.tool_pos[0])
     return float(np.linalg.norm(apart, axis=1).sum())
-
-

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,11 +22,15 @@ class Path:
 
     Attributes:
         pos: (K, 3) m, world. mat: (K, 3, 3) world from tool. gripper: (K,) opening.
+        there: (K, 3) m, where the tool is expected when a command is given; NaN where it does not matter.
+        offset: (K, 3) m, the tool from what it carries; NaN where it carries nothing.
     """
 
     pos: np.ndarray
     mat: np.ndarray
     gripper: np.ndarray
+    there: np.ndarray
+    offset: np.ndarray
 
     def __len__(self) -> int:
         return len(self.pos)
@@ -37,8 +41,8 @@ class Path:
         return np.concatenate([self.pos, rot6d_from_mat(self.mat), self.gripper[:, None]], axis=1)
 
 
-def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
-    """Return a segment relative to its thing as it is now.
+def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> tuple[Path, np.ndarray]:
+    """Return a segment relative to its thing as it is now, and the tool's rotation (3, 3) as it begins.
 
     A thing on a joint is led from where it stands to where the source led it: the way of its joint is scaled.
 
@@ -50,31 +54,35 @@ def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
     else:
         turn = _turn(segment, now.mat[0, k])
         turns, places = np.broadcast_to(turn, segment.mat.shape), np.broadcast_to(now.pos[0, k], segment.pos.shape)
-    pos = places + np.einsum("kij,kj->ki", turns, segment.pos - segment.thing_pos)
-    return Path(pos, turns @ segment.mat, segment.gripper)
+    sent, been = (
+        places + np.einsum("kij,kj->ki", turns, each - segment.thing_pos) for each in (segment.pos, segment.tool_pos)
+    )
+    offset = np.full_like(sent, np.nan) if segment.offset is None else np.einsum("kij,kj->ki", turns, segment.offset)
+    return Path(sent, turns @ segment.mat, segment.gripper, been, offset), turns[0] @ segment.tool_mat[0]
 
 
-def transit(start: Path, end: Path, gripper: float, dt: float) -> Path:
-    """Return the way from the last command of ``start`` to the first of ``end``: minimum jerk, turning evenly.
+def transit(start: Path, pos: np.ndarray, mat: np.ndarray, *, gripper: float, dt: float) -> Path:
+    """Return the way of the tool from the last command of ``start`` to a pose: minimum jerk, turning evenly.
 
     Source: T. Flash and N. Hogan, "The coordination of arm movements", 1985, equation 2.
 
     Args:
-        gripper: opening on the way. dt: s between commands.
+        pos: (3,) m, mat: (3, 3), where it ends. gripper: opening on the way. dt: s between commands.
     """
-    here, there, ahead = start.pos[-1], end.pos[0], Rotation.from_matrix(start.mat[-1].T @ end.mat[0]).as_rotvec()
-    way, angle = float(np.linalg.norm(there - here)), float(np.linalg.norm(ahead))
-    seconds = max(LEAST_TRANSIT_S, way / SPEED_M_S, angle / TURN_RAD_S)
-    share = np.arange(1, round(seconds / dt)) / round(seconds / dt)
+    here, ahead = start.pos[-1], Rotation.from_matrix(start.mat[-1].T @ mat).as_rotvec()
+    way, angle = float(np.linalg.norm(pos - here)), float(np.linalg.norm(ahead))
+    steps = round(max(LEAST_TRANSIT_S, way / SPEED_M_S, angle / TURN_RAD_S) / dt)
+    share = np.arange(1, steps + 1) / steps
     share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    pos = here + share[:, None] * (there - here)
-    mat = start.mat[-1] @ Rotation.from_rotvec(share[:, None] * ahead).as_matrix()
-    return Path(pos, mat, np.full(len(share), gripper))
+    mats = start.mat[-1] @ Rotation.from_rotvec(share[:, None] * ahead).as_matrix()
+    nowhere = np.full((steps, 3), np.nan)
+    return Path(here + share[:, None] * (pos - here), mats, np.full(steps, gripper), nowhere, nowhere)
 
 
 def joined(*paths: Path) -> Path:
     """Return paths one after the other."""
-    return Path(*(np.concatenate([getattr(path, name) for path in paths]) for name in ("pos", "mat", "gripper")))
+    parts = (np.concatenate([getattr(path, each.name) for path in paths]) for each in fields(Path))
+    return Path(*parts)
 
 
 def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ relative to what is nearest to the tool. What lies between is transit, which is 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -22,6 +22,7 @@ CLEAR_M = 0.05  # that a thing is moved at least before it is taken away
 ARRIVAL_M = 0.15  # from where a thing comes to rest at which its last segment begins at least
 MOVED_M, TURNED_RAD = 0.004, 0.07  # from where it stood: a thing has been moved
 CARRIED_M = 0.03
+SLIPPED_M = 0.02  # that a carried thing moves in the gripper until it is let go
 REST_STEPS = 25  # without motion between two attempts
 
 
@@ -31,9 +32,13 @@ class Segment:
 
     Attributes:
         name: for people. thing: index of it. turning: how the path turns with it.
-        pos: (K, 3) m, where the tool was sent. mat: (K, 3, 3). gripper: (K,).
+        pos: (K, 3) m, where the tool was sent. mat: (K, 3, 3). gripper: (K,). tool_pos: (K, 3), where it was.
+        tool_mat: (K, 3, 3).
         thing_pos: (K, 3), thing_mat: (K, 3, 3), joint: (K,) the thing meanwhile; of one that is not on a joint as it
             was at the start.
+        held: (3,) m, the thing from the tool, in its frame, when the segment ends with it in the gripper; else None.
+        carried: name of a thing that is in the gripper as the segment begins. offset: (K, 3) m, the tool from that,
+            while it stays there; NaN afterwards.
     """
 
     name: str
@@ -42,9 +47,14 @@ class Segment:
     pos: np.ndarray
     mat: np.ndarray
     gripper: np.ndarray
+    tool_pos: np.ndarray
+    tool_mat: np.ndarray
     thing_pos: np.ndarray
     thing_mat: np.ndarray
     joint: np.ndarray
+    held: np.ndarray | None = None
+    carried: str = ""
+    offset: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.pos)
@@ -86,8 +96,12 @@ def _segments_of(source: Source, move: Move, start: int, end: int) -> Iterator[S
     final = path[move.last]
     far = np.linalg.norm(path[: move.last + 1] - final, axis=1) > max(ARRIVAL_M, thing.size_m + CLEAR_M)
     arrival = max(clear, int(np.flatnonzero(far)[-1]) if far.any() else clear)
-    yield _segment(source, move.thing, start, clear)
-    yield _segment(source, target, arrival, end)
+    tool = source.poses.tool_mat[clear].T @ (path[clear] - source.poses.tool_pos[clear])
+    yield replace(_segment(source, move.thing, start, clear), held=tool)
+    offset = source.poses.tool_pos[arrival:end] - path[arrival:end]
+    slipped = np.linalg.norm(offset - offset[0], axis=1) > SLIPPED_M
+    offset[int(np.argmax(slipped)) if slipped.any() else end :] = np.nan
+    yield replace(_segment(source, target, arrival, end), carried=thing.name, offset=offset)
 
 
 def _segment(source: Source, k: int, start: int, end: int) -> Segment:
@@ -100,6 +114,8 @@ def _segment(source: Source, k: int, start: int, end: int) -> Segment:
         source.pos[steps],
         source.mat[steps],
         source.gripper[steps],
+        poses.tool_pos[steps],
+        poses.tool_mat[steps],
         poses.pos[instants, k],
         poses.mat[instants, k],
         poses.joint[instants, k],
