@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.collect import SHARDS
@@ -49,7 +49,7 @@ class Generate:
     tier: MaybeTier = None
     episodes: int = 1000
     seed: int = 0
-    select: str = "random"
+    select: Literal["random", "nearest"] = "random"
     noise: float = 0.0
     cameras: tuple[str, ...] = ()
     image_size: tuple[int, int] = (240, 320)
