@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
 
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.core.seeding import named_rng
+from aerial_il.experts.expert import LEAD_M, turned_towards
 from aerial_il.experts.perturbation import Perturbation
-from aerial_il.generation.plan import Path, joined, moved, transit
+from aerial_il.generation.plan import Path, moved
 from aerial_il.generation.segments import Segment, cut
 from aerial_il.generation.source import LEVEL, Source
 from aerial_il.generation.things import Poses, Scene
@@ -20,22 +22,32 @@ from aerial_il.suite.batch import BatchEnvironment
 
 Select = Literal["random", "nearest"]
 TRANSIT = "transit"
-ARRIVED_M, PATIENCE_STEPS = 0.02, 50  # a command waits, so many steps a segment, for the tool to be so near
+NEAR_M = 0.04  # from where a path begins, at which it does
+LATE_M, PATIENCE_STEPS = 0.02, 50  # a command waits for a tool that is farther, so many steps a segment
+TURN_RAD = 0.6  # that a tool is turned ahead on its way
 HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
 NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
 
 
 @dataclass(eq=False)
 class _World:
-    """What one world flies: the segments to come, and the present stretch of commands, from ``step`` on."""
+    """What one world flies: a path, once its tool has come to where that begins, and the segments that follow.
+
+    Attributes:
+        left: segments to come. flown: the one whose path it is. path: of it. actions: (K, 10) its commands.
+        phase: of it. opening: of the gripper on the way. arrived: whether the tool has come. step: of the path.
+        waited: steps in which the tool was late. attempts: at this segment.
+    """
 
     left: list[Segment]
+    flown: Segment
     path: Path
     actions: np.ndarray
-    phases: np.ndarray
+    phase: int
+    opening: float
+    arrived: bool = False
     step: int = 0
     waited: int = 0
-    flown: Segment | None = None
     attempts: int = 1
 
 
@@ -107,11 +119,14 @@ class Generator:
 
     def _command(self, i: int, world: _World) -> np.ndarray:
         """Return the command of a world, the same until the tool has come to where it belongs."""
+        tool = self._env.simulation.view.tool_pos[i]
+        world.arrived |= bool(np.linalg.norm(tool - world.path.there[0]) < NEAR_M)
+        self.phase[i] = world.phase if world.arrived else 0
+        if not world.arrived:
+            return self._on_the_way(i, world)
         step = min(world.step, len(world.path) - 1)
-        self.phase[i] = world.phases[step]
         aside = self._slipped(i, world, step)
-        there = world.path.there[step] + aside
-        late = np.linalg.norm(self._env.simulation.view.tool_pos[i] - there) > ARRIVED_M
+        late = np.linalg.norm(tool - world.path.there[step] - aside) > LATE_M
         if late and world.waited < PATIENCE_STEPS:
             world.waited += 1
         else:
@@ -120,43 +135,46 @@ class Generator:
         action[:3] += aside
         return action
 
+    def _on_the_way(self, i: int, world: _World) -> np.ndarray:
+        """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
+        view, path = self._env.simulation.view, world.path
+        ahead = path.there[0] - view.tool_pos[i]
+        pos = view.tool_pos[i] + ahead * min(1.0, LEAD_M / max(float(np.linalg.norm(ahead)), 1e-9))
+        facing = rot6d_from_mat(path.facing)[None]
+        return np.concatenate([pos, turned_towards(view.tool_mat[i : i + 1], facing, TURN_RAD)[0], [world.opening]])
+
     def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
         """Return by how much (3,) m a carried thing lies elsewhere in the gripper than in the source."""
         offset, view = world.path.offset[step], self._env.simulation.view
-        if world.flown is None or np.isnan(offset[0]):
+        if np.isnan(offset[0]):
             return np.zeros(3)
         place, _ = view.free_joint(self._joints[world.flown.carried])
         aside = view.tool_pos[i] - view.qpos[i, place][:3] - offset
         return aside if np.linalg.norm(aside) < HELD_M else np.zeros(3)
 
     def _plan(self) -> None:
-        """Give each world that has flown its commands the next ones."""
+        """Give each world that has flown its path the next one."""
         due = [i for i, world in enumerate(self._worlds) if world is None or _is_done(world)]
-        if not due:
-            return
-        states = self._env.get_state()
+        states = self._env.get_state() if due else np.zeros((0, 0))
         for i in due:
             now = self._scene.at(states[i : i + 1])
-            world = self._worlds[i] or self._begun(i, now)
-            self._worlds[i] = self._continued(world, now)
+            self._worlds[i] = self._next(self._worlds[i], int(self._env.seeds[i]), now)
 
-    def _begun(self, i: int, now: Poses) -> _World:
-        """Choose a source for a world, whose tool waits where it is."""
-        here = Path(now.tool_pos, now.tool_mat, np.ones(1), now.tool_pos, np.full((1, 3), np.nan))
-        chosen = self._cut[self._chosen(int(self._env.seeds[i]), now)]
-        return _World(list(chosen), here, here.actions, np.zeros(1, int), 1)
+    def _next(self, world: _World | None, seed: int, now: Poses) -> _World:
+        """Return a world with its first or its next segment, or with the same one again if its thing was missed."""
+        if world is None:
+            first, *left = self._cut[self._chosen(seed, now)]
+            return self._begun(first, left, now, opening=float(first.gripper[0]))
+        if world.attempts < ATTEMPTS and self._missed(world.flown, now):
+            again = self._begun(world.flown, world.left, now, opening=float(world.flown.gripper[0]))
+            return replace(again, attempts=world.attempts + 1)
+        return self._begun(world.left[0], world.left[1:], now, opening=float(world.path.gripper[-1]))
 
-    def _continued(self, world: _World, now: Poses) -> _World:
-        """Return a world with the way to its next segment, and that; to the last one again, if its thing was missed."""
-        missed = world.flown is not None and self._missed(world.flown, now) and world.attempts < ATTEMPTS
-        segment, *left = [world.flown, *world.left] if missed else world.left
+    def _begun(self, segment: Segment, left: list[Segment], now: Poses, *, opening: float) -> _World:
+        """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
         k = self._scene.names.index(segment.name)
-        path, mat = moved(segment, self._scene.things[k], k, now)
-        opening = float(world.path.gripper[-1] if world.flown and not missed else segment.gripper[0])
-        way = transit(world.path, path.there[0], mat, gripper=opening, dt=self._spec.control_dt_s)
-        phases = np.repeat([0, self.phase_names.index(segment.name)], [len(way), len(path)])
-        whole = joined(way, path)
-        return _World(left, whole, whole.actions, phases, flown=segment, attempts=world.attempts + missed)
+        path = moved(segment, self._scene.things[k], k, now)
+        return _World(left, segment, path, path.actions, self.phase_names.index(segment.name), opening)
 
     def _missed(self, segment: Segment, now: Poses) -> bool:
         """Return whether a segment should have ended with its thing in the gripper, and did not."""

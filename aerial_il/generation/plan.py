@@ -1,8 +1,8 @@
-"""Move a segment to where its thing is now, and join it to where the tool is with a minimum-jerk transit."""
+"""Move a segment to where its thing is now."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,8 +11,6 @@ from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.generation.segments import Segment
 from aerial_il.generation.things import Poses, Thing
 
-SPEED_M_S, TURN_RAD_S = 0.45, 1.0  # mean ones of a transit
-LEAST_TRANSIT_S = 0.4
 LEAST_TRAVEL = 1e-3  # rad or m that a joint moved in the source, for its way to be scaled
 
 
@@ -22,8 +20,9 @@ class Path:
 
     Attributes:
         pos: (K, 3) m, world. mat: (K, 3, 3) world from tool. gripper: (K,) opening.
-        there: (K, 3) m, where the tool is expected when a command is given; NaN where it does not matter.
+        there: (K, 3) m, where the tool is expected when a command is given.
         offset: (K, 3) m, the tool from what it carries; NaN where it carries nothing.
+        facing: (3, 3) world from tool, as the tool is when the path begins.
     """
 
     pos: np.ndarray
@@ -31,6 +30,7 @@ class Path:
     gripper: np.ndarray
     there: np.ndarray
     offset: np.ndarray
+    facing: np.ndarray
 
     def __len__(self) -> int:
         return len(self.pos)
@@ -41,8 +41,8 @@ class Path:
         return np.concatenate([self.pos, rot6d_from_mat(self.mat), self.gripper[:, None]], axis=1)
 
 
-def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> tuple[Path, np.ndarray]:
-    """Return a segment relative to its thing as it is now, and the tool's rotation (3, 3) as it begins.
+def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
+    """Return a segment relative to its thing as it is now.
 
     A thing on a joint is led from where it stands to where the source led it: the way of its joint is scaled.
 
@@ -58,31 +58,7 @@ def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> tuple[Path, np.
         places + np.einsum("kij,kj->ki", turns, each - segment.thing_pos) for each in (segment.pos, segment.tool_pos)
     )
     offset = np.full_like(sent, np.nan) if segment.offset is None else np.einsum("kij,kj->ki", turns, segment.offset)
-    return Path(sent, turns @ segment.mat, segment.gripper, been, offset), turns[0] @ segment.tool_mat[0]
-
-
-def transit(start: Path, pos: np.ndarray, mat: np.ndarray, *, gripper: float, dt: float) -> Path:
-    """Return the way of the tool from the last command of ``start`` to a pose: minimum jerk, turning evenly.
-
-    Source: T. Flash and N. Hogan, "The coordination of arm movements", 1985, equation 2.
-
-    Args:
-        pos: (3,) m, mat: (3, 3), where it ends. gripper: opening on the way. dt: s between commands.
-    """
-    here, ahead = start.pos[-1], Rotation.from_matrix(start.mat[-1].T @ mat).as_rotvec()
-    way, angle = float(np.linalg.norm(pos - here)), float(np.linalg.norm(ahead))
-    steps = round(max(LEAST_TRANSIT_S, way / SPEED_M_S, angle / TURN_RAD_S) / dt)
-    share = np.arange(1, steps + 1) / steps
-    share = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    mats = start.mat[-1] @ Rotation.from_rotvec(share[:, None] * ahead).as_matrix()
-    nowhere = np.full((steps, 3), np.nan)
-    return Path(here + share[:, None] * (pos - here), mats, np.full(steps, gripper), nowhere, nowhere)
-
-
-def joined(*paths: Path) -> Path:
-    """Return paths one after the other."""
-    parts = (np.concatenate([getattr(path, each.name) for path in paths]) for each in fields(Path))
-    return Path(*parts)
+    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, turns[0] @ segment.tool_mat[0])
 
 
 def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:

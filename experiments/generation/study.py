@@ -35,7 +35,7 @@ from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
 from experiments.common.success import failed_seeds, pooled_row
 
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
-GENERATED, AS_MANY, ALONE = "one flight, generated", "as many by the expert", "the one flight"
+GENERATED, AS_MANY, ALONE = "generated", "as_many", "alone"
 ARMS = (GENERATED, AS_MANY, ALONE)
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
@@ -183,11 +183,11 @@ class Generation:
 
 
 NOTES = (
-    "Generated: flights out of one flight of the expert without noise, cut by what moved and joined by transits; a row "
+    "Generated: flights out of one flight of the expert without noise, cut by what moved; a row "
     "has as many sources as draws, each flown as often. Flights: Wilson's 95 % interval over all of them; worst and "
     "best: of single sources. A minute: successes of wall time, recorded.",
-    "Clones: each training has its own source and weights. Controls beside them: a clone of as many flights of the "
-    "expert with its default noise, and one of the single flight.",
+    "Clones of what was generated: each training has its own source and weights. Controls beside them: as_many, a "
+    "clone of as many flights of the expert with its default noise; alone, one of the single flight.",
 )
 
 

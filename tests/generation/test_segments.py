@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.generation.plan import Path, moved, transit
+from aerial_il.generation.plan import moved
 from aerial_il.generation.segments import Segment, cut
 from aerial_il.generation.source import Source, read_source, read_sources
 from aerial_il.generation.things import Poses
@@ -24,7 +24,6 @@ TASKS = {
     "press_button": (["button_cap"], ["full"]),
     "inspect_contact": (["plate"], ["full"]),
 }
-STILL = np.full((1, 3), np.nan)
 
 
 def at(poses: Poses, step: int) -> Poses:
@@ -50,10 +49,10 @@ def test_where_nothing_has_moved_the_path_is_that_of_the_source(flight: Flights,
     source = read_source(flight(task))
     for segment in cut(source):
         k = index(source, segment)
-        path, mat = moved(segment, source.things[k], k, at(source.poses, 0))
+        path = moved(segment, source.things[k], k, at(source.poses, 0))
         np.testing.assert_allclose(path.pos, segment.pos, atol=2e-3)
         np.testing.assert_allclose(path.there, segment.tool_pos, atol=2e-3)
-        np.testing.assert_allclose(mat, segment.tool_mat[0], atol=5e-3)
+        np.testing.assert_allclose(path.mat, segment.mat, atol=5e-3)
 
 
 def test_a_path_moves_and_turns_with_its_thing(flight: Flights) -> None:
@@ -63,14 +62,14 @@ def test_a_path_moves_and_turns_with_its_thing(flight: Flights) -> None:
     for angle, turned in ((0.0, 0.0), (20.0, 20.0), (90.0, 0.0), (-110.0, -20.0)):
         turn = Rotation.from_euler("z", angle, degrees=True).as_matrix()
         there = replace(here, pos=here.pos + aside, mat=turn @ here.mat)
-        path, _ = moved(cube, source.things[k], k, there)
+        path = moved(cube, source.things[k], k, there)
         expected = Rotation.from_euler("z", turned, degrees=True).as_matrix()
         relative = (cube.pos - cube.thing_pos) @ expected.T
         np.testing.assert_allclose(path.pos, here.pos[0, k] + aside + relative, atol=2e-3)
         np.testing.assert_allclose(path.mat, expected @ cube.mat, atol=1e-2)
         np.testing.assert_allclose(path.gripper, cube.gripper)
     k = index(source, bowl)
-    path, _ = moved(bowl, source.things[k], k, replace(here, mat=turn @ here.mat))
+    path = moved(bowl, source.things[k], k, replace(here, mat=turn @ here.mat))
     np.testing.assert_allclose(path.pos, bowl.pos, atol=2e-3)  # how a bowl is turned shows nowhere
 
 
@@ -80,22 +79,9 @@ def test_a_thing_on_a_joint_is_led_to_where_the_source_led_it(flight: Flights) -
     k, start = index(source, segment), at(source.poses, 0)
     ahead = 0.5 * (segment.joint[-1] - start.joint[0, k])  # half of the way is done
     halfway = replace(start, joint=start.joint + ahead, pos=start.pos + ahead * start.axis)
-    path, _ = moved(segment, source.things[k], k, halfway)
+    path = moved(segment, source.things[k], k, halfway)
     assert np.linalg.norm(path.pos[0] - segment.pos[0]) == pytest.approx(abs(ahead), rel=0.1)
     np.testing.assert_allclose(path.pos[-1], segment.pos[-1], atol=5e-3)
-
-
-def test_a_transit_joins_two_poses_smoothly() -> None:
-    start = Path(np.zeros((1, 3)), np.eye(3)[None], np.ones(1), STILL, STILL)
-    end, turn = np.array([0.9, 0.0, 0.0]), Rotation.from_euler("z", 90, degrees=True).as_matrix()
-    way = transit(start, end, turn, gripper=0.25, dt=0.02)
-    assert len(way) == pytest.approx(100, abs=1)
-    np.testing.assert_allclose(way.pos[-1], end, atol=1e-9)
-    np.testing.assert_allclose(way.mat[-1], turn, atol=1e-9)
-    steps = np.diff(np.vstack([start.pos, way.pos])[:, 0])
-    assert steps.min() >= 0.0
-    assert steps[[0, -1]].max() < 0.05 * steps.max()
-    assert (way.gripper == 0.25).all()
 
 
 def test_what_cannot_be_generated_from_is_refused(flight: Flights) -> None:

@@ -1,7 +1,7 @@
 """Make many demonstrations out of few, flown by an expert or by hand; killed at any moment, the same command continues.
 
 A source is cut where it deals with a thing: grasps it, brings it somewhere, moves it on its hinge. There the tool's
-path is moved to where the thing is in a new episode, joined by smooth transits, and flown. It works for own tasks, too.
+path is moved to where the thing is in a new episode, joined by straight ways, and flown. It works for own tasks, too.
 
 Example: aerial-il generate dataset=datasets/by_hand episodes=400 out=datasets/generated
 Example: aerial-il generate dataset=datasets/pick sources=1 tier=gusts episodes=1000 out=datasets/pick_gusts
