@@ -60,11 +60,11 @@ class BCPPO(FromClone):
 
     name: ClassVar[str] = "bc_ppo"
 
-    steps: int = 16_000_000
+    steps: int = 4_000_000
     warmup: int = 50_000
     gamma: float = 0.995
     gae_lambda: float = 0.95
-    lr: float = 5e-5
+    lr: float = 1e-4
     critic_lr: float = 1e-3
     critic_hidden: tuple[int, ...] = (128, 128)
     clip: float = 0.9
@@ -77,7 +77,7 @@ class BCPPO(FromClone):
     exploration: Exploration = Exploration(execute=10, noise=0.15, correlation=0.9)
     trial: Trial = Trial(flights=128, every=400_000)
     prior: str | None = None
-    cloning: BC = BC()
+    cloning: BC = BC(steps=6_000, validation=0.0, field_dropout=0.6)
     patience: float = 2.0
     reward: Source = "sparse"
     reward_patience: int = 200_000

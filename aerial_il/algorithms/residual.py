@@ -57,7 +57,7 @@ class Residual(FromClone):
 
     name: ClassVar[str] = "residual"
 
-    steps: int = 16_000_000
+    steps: int = 4_000_000
     warmup: int = 50_000
     gamma: float = 0.995
     gae_lambda: float = 0.95
@@ -76,7 +76,7 @@ class Residual(FromClone):
     noise: float = 0.3
     rollout: Rollout = Rollout(steps=65_536, epochs=5, batch_size=1024)
     prior: str | None = None
-    cloning: BC = BC()
+    cloning: BC = BC(steps=6_000, validation=0.0, field_dropout=0.6)
     patience: float = 2.0
     reward: Source = "sparse"
     reward_patience: int = 200_000

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from aerial_il.core.computer import MEMORY_MB
-
-if TYPE_CHECKING:
-    from aerial_il.data.dataset import Dataset
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,12 +35,6 @@ class Reading:
         """What was said, by name."""
         said = {each.name: (getattr(self, each.name), each.default) for each in fields(Reading)}
         return {name: value for name, (value, default) in said.items() if value != default}
-
-    def open(self, path: str, **wanted: Any) -> Dataset:
-        """Open the dataset at ``path``; for what is ``wanted`` see :func:`aerial_il.data.dataset.open_dataset`."""
-        from aerial_il.data.dataset import open_dataset
-
-        return open_dataset(path, **self.answers, **wanted)
 
 
 AS_IT_SAYS = Reading()

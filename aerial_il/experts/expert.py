@@ -16,15 +16,13 @@ import numpy as np
 from aerial_il.core.arrays import length
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
+from aerial_il.experts.perturbation import Perturbation
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.view import View
 
 UNDECIDED = -1
 LEAD_M = 0.15  # a commanded position is at most this far ahead of the tool: smooth actions, bounded speed
-NOISE_M = 0.03  # standard deviation of the position command at noise = 1
-NOISE_TIME_STEPS = 25.0  # its correlation time
 
 
 @runtime_checkable
@@ -55,6 +53,7 @@ class Expert(ABC):
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
         self.noise, self.seed = noise, seed
+        self._wander = Perturbation(noise, seed, name="expert noise")
         self._env: HasSimulation | None = None
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
@@ -77,8 +76,7 @@ class Expert(ABC):
         self._env = env
         self.phase = np.full(env.simulation.n, UNDECIDED)
         self.timer = np.zeros(env.simulation.n, int)
-        self._wander = np.zeros((env.simulation.n, 3))
-        self._rngs: list[np.random.Generator | None] = [None] * env.simulation.n
+        self._wander.attach(env.simulation.n)
 
     @property
     def view(self) -> View:
@@ -90,9 +88,7 @@ class Expert(ABC):
         mask = np.ones(self.view.n, bool) if mask is None else np.asarray(mask, bool)
         self.phase[mask] = UNDECIDED
         self.timer[mask] = 0
-        self._wander[mask] = 0.0
-        for i in np.flatnonzero(mask):
-            self._rngs[i] = None
+        self._wander.reset(mask)
 
     def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return ``ee_pose`` actions (n, 10); the observation is ignored in favour of the simulator's state."""
@@ -108,7 +104,7 @@ class Expert(ABC):
         if self.noise == 0.0:
             return self.expert_action
         action = self.expert_action.copy()
-        action[:, :3] += self.noise_share()[:, None] * self._perturbation()
+        action[:, :3] += self.noise_share()[:, None] * self._wander.drawn(self._attached.simulation.seeds)
         return bounds.clip(action)
 
     @abstractmethod
@@ -145,17 +141,6 @@ class Expert(ABC):
         if self._env is None:
             raise InvalidValueError("The expert is not attached to an environment; call expert.attach(env) first.")
         return self._env
-
-    def _perturbation(self) -> np.ndarray:
-        """(n, 3) slowly wandering offset, a stream of its own for every episode."""
-        seeds = self._attached.simulation.seeds
-        decay = np.exp(-1.0 / NOISE_TIME_STEPS)
-        kick = np.sqrt(1.0 - decay**2) * NOISE_M * self.noise
-        for i, rng in enumerate(self._rngs):
-            rng = rng or named_rng(int(seeds[i]), "expert noise", str(self.seed))
-            self._rngs[i] = rng
-            self._wander[i] = decay * self._wander[i] + kick * rng.standard_normal(3)
-        return self._wander
 
 
 def pointing_down(yaw: np.ndarray) -> np.ndarray:

@@ -76,11 +76,12 @@ def convert(settings: Convert) -> Path:
 
 def _to_format(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
+    from aerial_il.data.dataset import open_dataset
     from aerial_il.suite.faces.gymnasium_ids import known_spec
 
     out, form = _own_place(settings), registry.module("format", settings.form)
     names = [] if not getattr(form, "PICTURES", True) else settings.images
-    dataset = settings.open(settings.path, cameras=names)
+    dataset = open_dataset(settings.path, **settings.answers, cameras=names)
     spec = dataset.spec
     recorded = [field.name for field in spec.observation.of_group("image")]
     for name in names if isinstance(names, list) else ():
@@ -105,10 +106,11 @@ def _to_rerun(settings: Convert) -> Path:
 
 def _to_views(settings: Convert) -> Path:
     from aerial_il.core.progress import Progress
+    from aerial_il.data.dataset import open_dataset
     from aerial_il.presentation.rerun.geometry import plain
     from aerial_il.presentation.rerun.ros2.view import write_view
 
-    out, dataset = _own_place(settings), settings.open(settings.path, cameras=settings.images)
+    out, dataset = _own_place(settings), open_dataset(settings.path, **settings.answers, cameras=settings.images)
     alone = out.suffix == ".mcap"
     if alone and len(dataset) > 1:
         folder = out.with_suffix("")

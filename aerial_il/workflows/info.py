@@ -36,7 +36,9 @@ class Info(Reading):
 
 def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
-    dataset = settings.open(settings.path, failures=True, states=False)
+    from aerial_il.data.dataset import open_dataset
+
+    dataset = open_dataset(settings.path, **settings.answers, failures=True, states=False)
     episodes = _episodes(dataset)
     return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
 

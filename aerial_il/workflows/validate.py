@@ -41,10 +41,10 @@ class Checked:
 def validate(settings: Validate) -> Checked:
     """Check, and fly again what is sound where that is wanted."""
     from aerial_il.core.progress import Progress
-    from aerial_il.data.dataset import altered_files
+    from aerial_il.data.dataset import altered_files, open_dataset
     from aerial_il.workflows.replay import Replay, replay
 
-    dataset = settings.open(settings.path, cameras=True, failures=True)
+    dataset = open_dataset(settings.path, **settings.answers, cameras=True, failures=True)
     count = len(dataset) + len(dataset.survey.left_out)
     shown = {"total": count, "desc": "validate", "unit": "ep", "disable": not settings.progress}
     problems = [str(error) for _, error in Progress(dataset.problems(), **shown) if error is not None]

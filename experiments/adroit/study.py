@@ -50,7 +50,8 @@ from experiments.common.demonstrations import SEEDS_PER_DRAW
 from experiments.common.figures import learning_lines
 from experiments.common.record import Record
 from experiments.common.report import Report, bar, skipped
-from experiments.common.stages import EVALUATION_SEED, described, steps_of, without_cadence
+from experiments.common.seeds import EVALUATION_SEED
+from experiments.common.stages import described, steps_of, without_cadence
 from experiments.common.success import failed_seeds
 
 EXPERT = "expert"
@@ -108,7 +109,7 @@ class Adroit:
             Ways that are near to each other are options apart by many trainings only.
         interactive: name -> algorithm that flies and asks the expert, with as many flights in all as ``clean`` says.
             first: of them, flown by the expert.
-        episodes: flown to judge one. num_envs: worlds flown at once.
+        episodes: flown to judge one. first_episode: the first of them. num_envs: worlds flown at once.
     """
 
     name: ClassVar[str] = "adroit"
@@ -125,6 +126,7 @@ class Adroit:
     first: int = 5
     seeds: int = 3
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 25
 
     def __post_init__(self) -> None:
@@ -198,7 +200,7 @@ class Adroit:
 
     @property
     def _judging(self) -> dict[str, Any]:
-        return {"seeds": [EVALUATION_SEED, EVALUATION_SEED + self.episodes], **self._stands_on}
+        return {"seeds": [self.first_episode, self.first_episode + self.episodes], **self._stands_on}
 
     def _expert(self, task: AdroitTask, record: Record, progress: bool) -> EvaluationResult:
         """Judge the expert's mean action on the seeds that the learners are judged on."""
@@ -271,7 +273,7 @@ class Adroit:
         made = policy()
         env = PublishedRewards(task, min(self.num_envs, self.episodes))
         try:
-            seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+            seeds = range(self.first_episode, self.first_episode + self.episodes)
             result = evaluate(env, made, seeds, policy_name=name, progress=progress)
         finally:
             env.close()

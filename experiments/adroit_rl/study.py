@@ -35,7 +35,7 @@ from experiments.adroit.tasks import POLICIES, TASKS, PublishedRewards
 from experiments.common.outside import VERSIONS, Learned, OutsideStages, Task, versions_of
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar, skipped
-from experiments.common.stages import EVALUATION_SEED
+from experiments.common.seeds import EVALUATION_SEED
 from experiments.common.success import failed_seeds, pooled_row, pooled_target
 
 CLONE, ASKED, CONTROL = "clone", "dapg", "npg, no demonstrations"
@@ -88,7 +88,8 @@ FROM_CLONE = build(
     {
         "steps": 2_000_000, "rollout": {"steps": 20_000}, "step_size": 0.1,
         "exploration": {"execute": 1, "correlation": 0.0, "noise": 0.3},
-        "gamma": 0.995, "gae_lambda": 0.97, "demos_weight": 0.01, "cloning": {"steps": 4_000, "validation": 0.0},
+        "gamma": 0.995, "gae_lambda": 0.97, "demos_weight": 0.01,
+        "cloning": {"steps": 4_000, "validation": 0.0, "field_dropout": 0.0},
     },
 )  # fmt: skip
 
@@ -101,7 +102,7 @@ class AdroitRl:
         data: folder of ``dapg_policies.npz`` and ``door_human_demos.npz``.
         policy: what is cloned and goes on. dapg: how. scratch: what the control trains. npg: how.
         tasks, rewards: which. draws: one training each of dapg with the first reward; others: how many of them train
-            the other arms. episodes: that judge one.
+            the other arms. episodes: that judge one. first_episode: the first of them.
         worlds: that learn. num_envs: worlds flown at once to judge.
     """
 
@@ -118,6 +119,7 @@ class AdroitRl:
     draws: tuple[int, ...] = (0, 1, 2)
     others: int = 1
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     worlds: int = 40
     num_envs: int = 25
 
@@ -138,7 +140,13 @@ class AdroitRl:
         if not Path(self.data).is_dir():
             what = f"{self.data} does not exist: nothing was measured. Say where the data lie with bench.data=FOLDER."
             return skipped(self, what)
-        stages = OutsideStages(record=Record(folder), episodes=self.episodes, num_envs=self.num_envs, progress=progress)
+        stages = OutsideStages(
+            record=Record(folder),
+            episodes=self.episodes,
+            first_episode=self.first_episode,
+            num_envs=self.num_envs,
+            progress=progress,
+        )
         work = self.trainings()
         found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm in self.arms()}
         for draw, arm in bar(work, self.name, progress):
@@ -224,7 +232,7 @@ class AdroitRl:
         training = self.training(arm, draw, stages)
         if arm.name != CLONE:
             return stages.judged(training)
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         decided_by = {"clone of": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
         place = stages.record.place("evaluations", f"{arm.task}/{CLONE}/{draw}", decided_by)
 

@@ -30,13 +30,8 @@ from experiments.common.notes import demonstrator
 from experiments.common.practised import Continued
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Stages,
-    check_seeds,
-    judged_once,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages, judged_once
 from experiments.common.success import failed_seeds, pooled_row
 
 EXPERT, CLONE, ASKED = "expert", "bc", "bc_ppo"
@@ -63,7 +58,8 @@ class BeyondTeacher:
         policy: what is trained. cloning: how the clone is made. practising: how it goes on. suited: task -> what is
             changed of that there; in insert_peg usual noise lets too few flights succeed.
         robot, tier: what is flown. tasks: which. demos: of the expert, without noise. draws: one training each.
-        episodes: unseen seeds that judge. num_envs: worlds flown at once there. threads: of the simulation; 0 for all.
+        episodes: unseen seeds that judge.
+        first_episode: the first of them. num_envs: worlds flown at once there. threads: of the simulation; 0 for all.
     """
 
     name: ClassVar[str] = "beyond_teacher"
@@ -71,7 +67,7 @@ class BeyondTeacher:
 
     policy: PolicySettings = field(default_factory=MLP)
     cloning: BC = field(default_factory=BC)
-    practising: BCPPO = build(BCPPO, {"steps": 10_000_000, "gamma": 0.99, "exploration": {"noise": 0.25}})
+    practising: BCPPO = build(BCPPO, {"steps": 10_000_000, "lr": 5e-5, "gamma": 0.99, "exploration": {"noise": 0.25}})
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: {"insert_peg": PRECISE})
     robot: str = "fa_hexa_arm4"
     tier: str = "calm"
@@ -79,13 +75,14 @@ class BeyondTeacher:
     demos: int = 200
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 200
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     threads: int = 1
 
     def __post_init__(self) -> None:
         if min(self.demos, self.episodes, self.num_envs) < 1 or not (self.tasks and self.draws):
             raise InvalidValueError("demos, episodes and num_envs start at 1; tasks and draws name at least one.")
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
         for task in (*self.tasks, *self.suited):
             tasks.get(task)
         for task in self.suited:
@@ -94,7 +91,7 @@ class BeyondTeacher:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         teachers = {task: self._teacher(task, stages, seeds) for task in self.tasks}
         found: dict[tuple[str, str], list[EvaluationResult]] = {}
         for draw in bar(self.draws, self.name, progress):

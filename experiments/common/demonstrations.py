@@ -15,7 +15,7 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, LOG, DatasetFolder
 from aerial_il.suite.batch import BatchEnvironment
 
-SEEDS_PER_DRAW, DRAWS = 100_000, 10  # evaluations lie inside the first (10000 ...), flights of DAgger beyond the last
+SEEDS_PER_DRAW, DRAWS = 100_000, 10  # evaluations lie inside the first (20000 ...), flights of DAgger beyond the last
 NOISE = 0.3  # of the expert, as aerial-il collect flies it by default
 MOST_PER_DRAW = 2_500  # demonstrations: twice as many flights stay below the seeds of tuning (5000 ...)
 

@@ -16,13 +16,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.parts.network import PolicySettings
 from experiments.common.record import Record
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    described,
-    judged_once,
-    own_time_s,
-    without_cadence,
-)
+from experiments.common.seeds import EVALUATION_SEED
+from experiments.common.stages import described, judged_once, own_time_s, without_cadence
 
 Open = Callable[[int], BatchEnv]
 VERSIONS = ("gymnasium", "mujoco")
@@ -96,12 +91,14 @@ class OutsideStages:
     """Does what a record does not hold yet.
 
     Attributes:
-        record: of the study. episodes: flown to judge one. num_envs: worlds flown at once there.
+        record: of the study. episodes: flown to judge one.
+        first_episode: the first seed of them. num_envs: worlds flown at once there.
         progress: show progress bars.
     """
 
     record: Record
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 25
     progress: bool = True
 
@@ -111,7 +108,7 @@ class OutsideStages:
 
     def judged(self, training: Learned) -> EvaluationResult:
         """Return how the final policy of a training does on the seeds that all are judged on."""
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         decided_by = {"training": training.decided_by(), "seeds": [seeds.start, seeds.stop]}
         place = self.record.place("evaluations", training.label, decided_by)
         return self.flown(place, training.task, lambda: self.trained(training), seeds, training.label)

@@ -20,6 +20,7 @@ TITLES = {  # others: the name, capitalised
     "dagger": "DAgger",
     "from_prior": "From a prior",
     "from_prior_big_four": "From a prior, on a heavy vehicle",
+    "practice": "Practice, by the shipped commands",
     "gail": "GAIL",
     "hg_dagger": "HG-DAgger",
     "lerobot": "LeRobot",

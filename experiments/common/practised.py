@@ -19,14 +19,8 @@ from aerial_il.core.contracts import Policy
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-from experiments.common.stages import (
-    TUNING_SEEDS,
-    Cloned,
-    Shown,
-    Stages,
-    all_that_decides,
-    train_in_rounds,
-)
+from experiments.common.seeds import TUNING_SEEDS
+from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, train_in_rounds
 
 Practising = ExpertIteration | FilteredBC | Algorithm
 

@@ -30,8 +30,6 @@ from experiments.common.demonstrations import Source, collections, first, gather
 from experiments.common.plain import plain
 from experiments.common.record import Record
 
-EVALUATION_SEED, TUNING_SEEDS = 10_000, range(5_000, 6_000)
-
 
 class Training(Protocol):
     """One policy to be trained; :class:`Cloned` is one."""
@@ -280,21 +278,6 @@ def check_fewer(fewer: Mapping[str, int], known: Iterable[str], kind: str = "arm
             raise UnknownNameError(kind, name, known)
         if trainings < 1:
             raise InvalidValueError(f"fewer.{name} is {trainings}; it starts at 1. To leave it out, name the others.")
-
-
-def check_seeds(first_episode: int, episodes: int) -> None:
-    """Refuse evaluations that are neither judgement, from 10000 on, nor tuning, from 5000 to 5999.
-
-    Raises:
-        InvalidValueError: the seeds lie elsewhere, where demonstrations may have been flown.
-    """
-    seeds = range(first_episode, first_episode + episodes)
-    tuning = seeds.start in TUNING_SEEDS and seeds[-1] in TUNING_SEEDS
-    if not (tuning or (seeds.start >= EVALUATION_SEED and seeds[-1] < 100_000)):
-        raise InvalidValueError(
-            f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 10000 to 99999, "
-            "to tune some from 5000 to 5999; demonstrations use others."
-        )
 
 
 def own_time_s(run: Path) -> float:

@@ -31,16 +31,8 @@ from aerial_il.policies.parts.network import PolicySettings
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Shown,
-    Stages,
-    all_that_decides,
-    check_seeds,
-    steps_of,
-    train_in_rounds,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, steps_of, train_in_rounds
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row, pooled_target
 
 START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
@@ -114,6 +106,7 @@ class Dagger:
         asking: name -> algorithm that flies and asks. arms: which of the names; empty for all.
         robot: name. tasks: names. tier: in which everything is flown. demos: demonstrations to begin with.
         draws: of demonstrations and weights, one training of each arm each. episodes: unseen seeds per evaluation.
+        first_episode: the first of them.
         num_envs: worlds flown at once in evaluations and demonstrations. threads: of the simulation; 0 for all cores.
     """
 
@@ -135,6 +128,7 @@ class Dagger:
     demos: int = 20
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     threads: int = 0
 
@@ -144,12 +138,12 @@ class Dagger:
                 raise UnknownNameError("arm", name, self.asking)
         if min(self.demos, self.episodes, self.num_envs) < 1 or not self.draws:
             raise InvalidValueError("demos, episodes and num_envs start at 1; draws name at least one.")
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_arms())
+        seeds, arms = range(self.first_episode, self.first_episode + self.episodes), list(self.all_arms())
         results = {arm: stages.judged(arm.training, self.tier, seeds) for arm in bar(arms, self.name, progress)}
         singles = [_row(arm, [arm], results, stages) for arm in results]
         groups = list(grouped_by(results))

@@ -17,7 +17,7 @@ from aerial_il.suite import tiers
 from experiments.common.figures import success_dots
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import EVALUATION_SEED, check_seeds
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.success import failed_seeds, success_row, success_target
 from experiments.experts.returns import returns_row
 
@@ -44,7 +44,7 @@ class Experts:
 
     Attributes:
         robots, tasks: names; empty for all. tiers: names. episodes: seeds flown per cell and tier. seed: the first of
-            them; demonstrations and tuning use seeds from 0, evaluations those from 10000.
+            them; demonstrations and tuning use seeds from 0, evaluations those from 20000.
         returns: episodes per cell in which rewards are compared with those of random actions; 0 leaves them out.
         num_envs: worlds flown at once. threads: 0 for all cores.
     """

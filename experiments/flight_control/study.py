@@ -31,14 +31,8 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.common.figures import mismatch_lines, step_lines, success_curves
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    TUNING_SEEDS,
-    described,
-    own_time_s,
-    spent_s,
-    without_cadence,
-)
+from experiments.common.seeds import EVALUATION_SEED, TUNING_SEEDS
+from experiments.common.stages import described, own_time_s, spent_s, without_cadence
 from experiments.common.success import (
     failed_seeds,
     mean_time_s,
@@ -137,7 +131,8 @@ class FlightControl:
             takes longer.
         entropy: weight of the entropy for ``ppo``, of tasks that need another one than the others.
         horizon: steps of a learning episode. ppo_envs, sac_envs: worlds that learn.
-        episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
+        episodes: unseen seeds that judge.
+        first_episode: the first of them. curve_episodes: tuning seeds flown on the way.
         flights: worlds of a manoeuvre. threads: of the simulation; 0 for all cores.
     """
 
@@ -157,6 +152,7 @@ class FlightControl:
     ppo_envs: int = 64
     sac_envs: int = 16
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     curve_episodes: int = 50
     flights: int = 16
     threads: int = 1
@@ -219,7 +215,7 @@ class FlightControl:
         """Return the kept evaluation of a policy or a law, or fly and keep it."""
         task, label = (flier.task, flier.place) if isinstance(flier, Training) else (flier[0], "/".join(flier))
         what = self._decided_by(flier) if isinstance(flier, Training) else {"law": flier[1]}
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         judged = {"what": what, "tier": tier, "seeds": [seeds.start, seeds.stop]}
         place = record.place("evaluations", f"{label}/{tier}", judged)
         if (place / FILE_NAME).exists():
@@ -282,7 +278,7 @@ class FlightControl:
 
     def _fly(self, pilot: Pilot) -> dict[str, Any]:
         """Fly all manoeuvres."""
-        seeds, threads = EVALUATION_SEED + np.arange(self.flights), self.threads
+        seeds, threads = self.first_episode + np.arange(self.flights), self.threads
         mismatches = {
             **{f"mass {factor}": Mismatch(mass=factor) for factor in MASSES},
             **{f"motor {factor}": Mismatch(motor=factor) for factor in MOTORS},

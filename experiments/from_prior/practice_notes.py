@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from experiments.common.notes import About, Note
 from experiments.common.practised import WATCHED_FLIGHTS
-from experiments.common.stages import TUNING_SEEDS
+from experiments.common.seeds import TUNING_SEEDS
 from experiments.from_prior.practice import LISTED
 
 BEGINNING = "bc, as practice begins"

@@ -10,7 +10,7 @@ all that decides it: killed at any moment, the same call continues.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain, product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -38,13 +38,8 @@ from experiments.common.notes import demonstrator, listed, notes_on
 from experiments.common.practised import Continued, Practised, Practising
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Stages,
-    check_fewer,
-    check_seeds,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages, check_fewer
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row
 from experiments.from_prior.gains import gain_row
 from experiments.from_prior.lines import practice_lines
@@ -59,7 +54,6 @@ SCRATCH: dict[str, Any] = {  # as bc_ppo learns
     "steps": 20_000_000, "rollout": {"steps": 65_536, "batch_size": 1024, "epochs": 5},
     "reward": "sparse", "reward_patience": 0,
 }  # fmt: skip
-SHORTER: Mapping[str, int] = {"pick_place_10": 8_000_000, "pick_place_40": 4_000_000, "insert_peg_40": 4_000_000}
 FEWER: Mapping[str, int] = {"dapg": 1, "residual": 1, "jsrl": 1, "ibrl": 1, "rlpd": 1, "ppo": 1}
 ONLY_FROM: Mapping[str, tuple[str, ...]] = {
     "jsrl": ("pick_place_40",),
@@ -68,7 +62,6 @@ ONLY_FROM: Mapping[str, tuple[str, ...]] = {
     "ppo": ("pick_place_0",),
 }
 SUITED: Mapping[str, Mapping[str, Any]] = {
-    "pick_place": {"bc_ppo": {"lr": 1e-4}},  # chosen on draw 6; at the usual half of it 99.5, but also 77.5 % from 10
     "insert_peg": {  # usual noise lets few flights succeed; at a gamma of 0.995 quick is worth more than sure
         "expert_iteration": {"hidden": 0.3, "explorer_dropout": 0.2},
         "bc_ppo": {"exploration": {"noise": 0.05}, "lr": 1e-5, "gamma": 0.9995},
@@ -110,7 +103,6 @@ class FromPrior:
         fewer: arm -> in how many of the draws it is trained. only_from: arm -> from which starts (``TASK_DEMOS``).
             Both are for those that take long.
         robot: what is flown. starts: task -> numbers of demonstrations to begin with.
-        shorter: ``TASK_DEMOS``, with how many it begins, -> control steps of practice at most, where those suffice.
         begun_by: task -> arm that the others with a prior go on from there, if not from the clone; its steps and its
             minutes are added to theirs.
         suited: task -> arm, or ``beginning`` -> what is changed of that there.
@@ -128,14 +120,13 @@ class FromPrior:
     noise: float = NOISE
     policy: PolicySettings = field(default_factory=MLP)
     cloning: BC = field(default_factory=BC)
-    beginning: BC = field(default_factory=lambda: BC(steps=6_000, validation=0.0, field_dropout=0.6))
+    beginning: BC = field(default_factory=lambda: BCPPO().cloning)
     practising: Mapping[str, Practising] = field(default_factory=lambda: _all_practising())
     arms: tuple[str, ...] = ()
     fewer: Mapping[str, int] = field(default_factory=lambda: dict(FEWER))
     only_from: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: dict(ONLY_FROM))
     robot: str = "fa_hexa_arm4"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"pick_place": (10, 40), "insert_peg": (40,)})
-    shorter: Mapping[str, int] = field(default_factory=lambda: dict(SHORTER))
     begun_by: Mapping[str, str] = field(default_factory=lambda: {"insert_peg": "expert_iteration"})
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(SUITED))
     watched: int = 20
@@ -150,7 +141,7 @@ class FromPrior:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        begun = [start.rpartition("_")[0] for start in (*self.shorter, *chain(*self.only_from.values()))]
+        begun = [start.rpartition("_")[0] for start in chain(*self.only_from.values())]
         for task in (*self.starts, *self.begun_by, *self.suited, *self.practised_in, *begun):
             tasks.get(task)
         known = (BEGUN, *self.practising, *_all_practising())
@@ -282,8 +273,6 @@ class FromPrior:
         algorithm = self._suited(source.task, name)
         if isinstance(algorithm, ExpertIteration | FilteredBC):
             return Practised(name, source, count, self.policy, algorithm)
-        most = self.shorter.get(f"{source.task}_{count}", algorithm.steps)
-        algorithm = replace(algorithm, steps=min(algorithm.steps, most))
         return Continued(name, source, count, self.policy, algorithm, self._beginning(source, count), self.watched)
 
     def _beginning(self, source: Source, count: int) -> Cloned | Practised:

@@ -16,7 +16,11 @@ from experiments.from_prior.study import SUITED, FromPrior
 LARGER_TRIALS: Mapping[str, Mapping[str, Any]] = {
     "insert_peg": {
         **SUITED["insert_peg"],
-        "bc_ppo": {**SUITED["insert_peg"]["bc_ppo"], "trial": {"flights": 512, "every": 1_600_000}},
+        "bc_ppo": {
+            **SUITED["insert_peg"]["bc_ppo"],
+            "steps": 16_000_000,
+            "trial": {"flights": 512, "every": 1_600_000},
+        },
     }
 }
 
@@ -31,5 +35,4 @@ class FromPriorBigFour(FromPrior):
     arms: tuple[str, ...] = ("expert_iteration", "filtered_bc", "bc_ppo")
     robot: str = "big_four_z1"
     starts: Mapping[str, tuple[int, ...]] = field(default_factory=lambda: {"insert_peg": (40,)})
-    shorter: Mapping[str, int] = field(default_factory=dict)
     suited: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: dict(LARGER_TRIALS))

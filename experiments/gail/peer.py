@@ -32,7 +32,7 @@ from typing import Any
 HERE = Path(__file__).parent
 LIBRARY = "imitation 1.0.1 GAIL"
 PACKAGES = ["imitation==1.0.1", "gymnasium[mujoco]==0.29.1", "mujoco>=3.1,<3.2", "numpy<2", "setuptools<81"]
-EPISODES, EVALUATION_SEED = 100, 10_000
+EPISODES, EVALUATION_SEED = 100, 20_000
 ROLLOUT = {"published": 4096, "example": 2048}  # steps of all worlds together
 LEARNER: dict[str, dict[str, Any]] = {
     "published": {

@@ -42,13 +42,8 @@ from aerial_il.suite.outside.processes import processes_for
 from experiments.common.demonstrations import SEEDS_PER_DRAW
 from experiments.common.record import Record
 from experiments.common.report import Report, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    described,
-    judged_once,
-    spent_s,
-    without_cadence,
-)
+from experiments.common.seeds import EVALUATION_SEED
+from experiments.common.stages import described, judged_once, spent_s, without_cadence
 from experiments.gail.ratios import LIKE, peer_rows, peer_targets, row, targets
 
 CONTROLS: tuple[Control, ...] = ("random_actions", "constant_reward")
@@ -150,7 +145,8 @@ class Gail:
             learns, which success does not end. suite_policy, suite_gail: what differs on these, which ``gail`` learns.
         suite_demos: how many demonstrations. noise: of the expert there while it demonstrates.
         seeds: trainings of each arm. controls: trainings of each control run of a task's first method.
-        episodes: flown to judge one. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, like_envs,
+        episodes: flown to judge one.
+        first_episode: the first of them. num_envs: worlds flown at once of Gymnasium's tasks; gail_envs, like_envs,
             suite_envs: by ``gail`` there, by its arm that flies as many as another library, and of the suite's.
             threads: of the suite's simulation, processes of Gymnasium's; 0 for all cores.
         experts: folder with experts of Gymnasium's tasks that were trained here before, one run for each, which are
@@ -182,6 +178,7 @@ class Gail:
     seeds: int = 3
     controls: int = 1
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 16
     gail_envs: int = 32
     like_envs: int = 8
@@ -269,7 +266,7 @@ class Gail:
 
     @property
     def _judging(self) -> dict[str, Any]:
-        return {"seeds": [EVALUATION_SEED, EVALUATION_SEED + self.episodes]}
+        return {"seeds": [self.first_episode, self.first_episode + self.episodes]}
 
     def _flown_by(self, task: str, record: Record) -> dict[str, Any]:
         """Return what decides the expert's flights."""
@@ -366,7 +363,7 @@ class Gail:
         self, task: str, policy: Callable[[], Policy], judged: Path, name: str, progress: bool
     ) -> EvaluationResult:
         """Return the kept evaluation, or that of the policy that is made then."""
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         env = partial(self.environment, task, judged=True, at_most=self.episodes)
         return judged_once(judged, policy, env, seeds, name=name, progress=progress)
 

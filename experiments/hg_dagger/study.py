@@ -34,15 +34,8 @@ from aerial_il.teleop.piloting.arbiter import HAND_OVER_TICKS
 from experiments.common.driver import Driven, suited
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    check_seeds,
-    described,
-    judged_once,
-    steps_of,
-    trained_s,
-    without_cadence,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import described, judged_once, steps_of, trained_s, without_cadence
 from experiments.common.success import failed_seeds, pooled_row, pooled_target
 
 START, ASKED, CONTROL = "bc, first demonstrations", "hg_dagger", "bc, as many episodes and steps"
@@ -67,7 +60,8 @@ class HgDagger:
     Attributes:
         policy: what is trained. training: supervised learning in each round. between_steps: in those between.
         robot, task, tier: what is flown. demos: of the driver, to begin with. rounds, per_round: how many, of flights.
-        draws: one training each. episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
+        draws: one training each. episodes: unseen seeds per evaluation.
+        first_episode: the first of them. num_envs: worlds flown at once there.
         by_hand: learn from the driver's flights as ``aerial-il train`` does by itself from a person's; False for as
             they were recorded.
     """
@@ -86,6 +80,7 @@ class HgDagger:
     per_round: int = 10
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     by_hand: bool = True
 
@@ -94,7 +89,7 @@ class HgDagger:
             raise InvalidValueError(
                 "demos, rounds, per_round, episodes and num_envs start at 1; draws name at least one."
             )
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Fly, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
@@ -218,7 +213,8 @@ class Draw:
         return self.record.place("training", f"{arm}/{self.driven.label}", self._decided_by(arm))
 
     def _judged(self, arm: str, policy: Any) -> EvaluationResult:
-        study, seeds = self.study, range(EVALUATION_SEED, EVALUATION_SEED + self.study.episodes)
+        study = self.study
+        seeds = range(study.first_episode, study.first_episode + study.episodes)
         decided_by = {"training": self._decided_by(arm), "arm": arm, "seeds": [seeds.start, seeds.stop]}
         place = self.record.place("evaluations", f"{arm}/{self.driven.label}", decided_by)
         worlds = min(study.num_envs, len(seeds))

@@ -28,15 +28,8 @@ from experiments.common.demonstrations import Source
 from experiments.common.driver import Driven, suited
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    Cloned,
-    Stages,
-    Training,
-    all_that_decides,
-    check_fewer,
-    check_seeds,
-)
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages, Training, all_that_decides, check_fewer
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row
 
 DRIVER, RECORDED, SCRIPT = "driver", "driver, as recorded", "script"
@@ -101,7 +94,7 @@ class HumanData:
         as_recorded: arms that learn from the driver's flights as they were recorded, too; all but ``act``, whose
             training takes longest.
         fewer: arm -> in how many of the draws it is trained, for classes whose training takes long.
-        episodes: unseen seeds per evaluation. num_envs: worlds flown at once there.
+        episodes: unseen seeds per evaluation. first_episode: the first of them. num_envs: worlds flown at once there.
     """
 
     name: ClassVar[str] = "human_data"
@@ -118,6 +111,7 @@ class HumanData:
     as_recorded: tuple[str, ...] = ("mlp", "gmm", "diffusion", "flow")
     fewer: Mapping[str, int] = field(default_factory=dict)
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
 
     def __post_init__(self) -> None:
@@ -127,12 +121,12 @@ class HumanData:
             if name not in self.policies:
                 raise UnknownNameError("arm", name, self.policies)
         check_fewer(self.fewer, self.policies)
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=1, progress=progress)
-        seeds, arms = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_trainings())
+        seeds, arms = range(self.first_episode, self.first_episode + self.episodes), list(self.all_trainings())
         found = [(*arm, stages.judged(arm[2], self.tier, seeds)) for arm in bar(arms, self.name, progress)]
         return Report(
             study=self,

@@ -29,7 +29,8 @@ from experiments.common.demonstrations import NOISE, Source
 from experiments.common.figures import learning_lines, method_dots
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import EVALUATION_SEED, Cloned, Stages, check_seeds
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages
 from experiments.common.success import failed_seeds, macro_row, pooled_row, pooled_target
 
 DEFAULT, JUDGED_DEMOS = "mlp", 80

@@ -22,7 +22,8 @@ from experiments.common.demonstrations import NOISE, Source
 from experiments.common.figures import learning_lines
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import EVALUATION_SEED, Cloned, Stages, check_seeds
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages
 from experiments.common.success import failed_seeds, pooled_row, pooled_target
 
 JUDGED_SIZE, LIMITS_PERCENT, LIMIT_MINUTES = 100, {"reach": 99.0, "pick_place": 90.0}, 10.0
@@ -46,7 +47,7 @@ class LearningCurve:
         sizes: numbers of demonstrations. robots, tasks: names; empty for all.
         tier: in which demonstrations and evaluations are flown.
         draws: of demonstrations and weights, one training of each size each.
-        episodes: unseen seeds per evaluation. num_envs: worlds flown at once.
+        episodes: unseen seeds per evaluation. first_episode: the first of them. num_envs: worlds flown at once.
         threads: of the simulation; 0 for all cores.
     """
 
@@ -62,6 +63,7 @@ class LearningCurve:
     tier: str = "calm"
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     threads: int = 0
 
@@ -70,7 +72,7 @@ class LearningCurve:
             raise InvalidValueError(
                 f"sizes and episodes start at 1, got {list(self.sizes)} and {self.episodes}; draws name at least one."
             )
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Study`."""
@@ -81,7 +83,7 @@ class LearningCurve:
             progress=progress,
             most=max(self.sizes),
         )
-        seeds = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes)
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
         trainings = list(self.all_trainings())
         results = {t: stages.judged(t, self.tier, seeds) for t in bar(trainings, self.name, progress)}
         rows = list(table_rows(results, stages))

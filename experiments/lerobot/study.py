@@ -35,9 +35,10 @@ from aerial_il.suite.batch import BatchEnvironment
 from experiments.common.demonstrations import NOISE
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, settings_of
+from experiments.common.seeds import EVALUATION_SEED
 from experiments.common.success import success_row
 
-EVALUATION_SEED, DISAGREE_PERCENT = 10_000, 5.0
+DISAGREE_PERCENT = 5.0
 LAST = Path("checkpoints") / "last" / "pretrained_model"
 NOTES = (
     "Both evaluators fly the final checkpoint of one training run, on the same seeds and in calm air; success is the "

@@ -25,6 +25,7 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.common.outside import Learned, OutsideStages, gymnasium_task
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar, skipped
+from experiments.common.seeds import EVALUATION_SEED
 from experiments.common.success import failed_seeds, pooled_row
 
 REACH, PUSH = "PandaReach-v3", "PandaPush-v3"
@@ -75,6 +76,7 @@ class Panda:
         policy: what is trained. reach: the algorithms on ``PandaReach-v3``, by name. push: those on ``PandaPush-v3``.
         seeds: trainings of each arm of reach; pushes: of push, which takes long.
         worlds: that learn on push; on reach it is one. episodes: held-out seeds that judge one training.
+        first_episode: the first of them.
     """
 
     name: ClassVar[str] = "panda"
@@ -92,6 +94,7 @@ class Panda:
     pushes: int = 1
     worlds: int = 8
     episodes: int = 200
+    first_episode: int = EVALUATION_SEED
 
     def __post_init__(self) -> None:
         for task in self.tasks:
@@ -104,7 +107,9 @@ class Panda:
         """Train and judge what ``folder`` does not hold yet; see :class:`Study`."""
         if find_spec("panda_gym") is None:
             return skipped(self, MISSING)
-        stages = OutsideStages(record=Record(folder), episodes=self.episodes, progress=progress)
+        stages = OutsideStages(
+            record=Record(folder), episodes=self.episodes, first_episode=self.first_episode, progress=progress
+        )
         work = self.trainings()
         found: dict[Arm, list[EvaluationResult]] = {arm: [] for arm, _ in work}
         for arm, seed in bar(work, self.name, progress):

@@ -23,7 +23,8 @@ from aerial_il.policies.parts.network import PolicySettings
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import EVALUATION_SEED, Cloned, Stages, check_seeds
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Stages
 from experiments.common.success import failed_seeds, pooled_row, spread_of
 
 POSE = ("ee_pos", "ee_rot6d")
@@ -46,7 +47,7 @@ class Pixels:
         policy: what is trained; it names the cameras. algorithm: how. noise: of the expert that demonstrates.
         robot, tasks: which cells. demos: demonstrations per task. image_size: height and width, pixels.
         tier: in which all is flown. draws: of demonstrations and weights, one training each.
-        episodes: unseen seeds per evaluation. num_envs: worlds flown at once.
+        episodes: unseen seeds per evaluation. first_episode: the first of them. num_envs: worlds flown at once.
         threads: of the simulation; 0 for all cores.
     """
 
@@ -63,6 +64,7 @@ class Pixels:
     tier: str = "calm"
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     num_envs: int = 50
     threads: int = 0
 
@@ -73,13 +75,13 @@ class Pixels:
             raise InvalidValueError(
                 f"demos and episodes start at 1, got {self.demos} and {self.episodes}; draws name at least one."
             )
-        check_seeds(EVALUATION_SEED, self.episodes)
+        check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Study`."""
         require_rendering("bench pixels")
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, trainings = range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), list(self.all_trainings())
+        seeds, trainings = range(self.first_episode, self.first_episode + self.episodes), list(self.all_trainings())
         results = {t: stages.judged(t, self.tier, seeds) for t in bar(trainings, self.name, progress)}
         rows = list(table_rows(results, stages))
         return Report(

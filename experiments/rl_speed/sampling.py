@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import FrameType, TracebackType
 from typing import NamedTuple, Self
 
@@ -29,27 +29,29 @@ class Place(NamedTuple):
 
 
 class Sampler:
-    """Wall time by section of the code, sampled while the ``with`` block runs, in the main thread.
+    """Time by section of the code, sampled while the ``with`` block runs, in the main thread.
 
     A sample belongs to the section of the innermost frame that any section holds, and counts for the time since the
     one before. Compiled code is not interrupted: once it returns, its time counts for who called it. The clock to the
     next sample starts when one has been taken, so that on a machine too busy to take one in time they do not pile up.
 
     Args:
-        sections: name -> places. rest: name of what none of them holds.
+        sections: name -> places. rest: name of what none of them holds. clock: of wall time, or another, s.
 
     Attributes:
         seconds: section -> total.
     """
 
-    def __init__(self, sections: Mapping[str, Sequence[Place]], *, rest: str) -> None:
-        self._sections, self._rest, self._runs = sections, rest, False
+    def __init__(
+        self, sections: Mapping[str, Sequence[Place]], *, rest: str, clock: Callable[[], float] = time.perf_counter
+    ) -> None:
+        self._sections, self._rest, self._clock, self._runs = sections, rest, clock, False
         self.clear()
 
     def clear(self) -> None:
         """Begin anew."""
         self.seconds = dict.fromkeys([*self._sections, self._rest], 0.0)
-        self._last = time.perf_counter()
+        self._last = self._clock()
 
     def __enter__(self) -> Self:
         self._before = signal.signal(signal.SIGALRM, self._sample)
@@ -67,7 +69,7 @@ class Sampler:
         signal.signal(signal.SIGALRM, self._before)
 
     def _sample(self, number: int, frame: FrameType | None) -> None:
-        now = time.perf_counter()
+        now = self._clock()
         self.seconds[self._section(frame)] += now - self._last
         self._last = now
         if self._runs:

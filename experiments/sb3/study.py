@@ -22,7 +22,8 @@ from experiments.common.notes import About, Note, notes_on
 from experiments.common.outside import Learned, OutsideStages
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import EVALUATION_SEED, check_fewer
+from experiments.common.seeds import EVALUATION_SEED
+from experiments.common.stages import check_fewer
 from experiments.sb3.cells import DIFFERENCES, Cell, cells
 from experiments.sb3.curves import kept, return_curves
 from experiments.sb3.theirs import INSTALLED, Found, learn
@@ -63,6 +64,7 @@ class Sb3:
 
     Attributes:
         cells: which comparisons; empty for all. seeds: trainings on each side. episodes: that judge one.
+        first_episode: the first of them.
         fewer: comparison -> with how many of the seeds it is made, where that takes long.
         steps_share: of the steps of each, to try the study; results at other shares are kept apart.
     """
@@ -74,6 +76,7 @@ class Sb3:
     seeds: tuple[int, ...] = (0, 1, 2)
     fewer: Mapping[str, int] = field(default_factory=lambda: dict(FEWER))
     episodes: int = 100
+    first_episode: int = EVALUATION_SEED
     steps_share: float = 1.0
 
     def __post_init__(self) -> None:
@@ -115,7 +118,7 @@ class Sb3:
         return Found([e.return_ for e in result.episodes], stages.seconds(training), stages.curve(training))
 
     def _theirs(self, cell: Cell, seed: int, stages: OutsideStages) -> Found:
-        steps, judging = self._steps(cell), {"episodes": self.episodes, "judge_seed": EVALUATION_SEED}
+        steps, judging = self._steps(cell), {"episodes": self.episodes, "judge_seed": self.first_episode}
         decided_by = {
             "theirs": cell.theirs.decided_by(),
             "steps": steps,

@@ -32,14 +32,8 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.common.figures import success_curves
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
-from experiments.common.stages import (
-    EVALUATION_SEED,
-    TUNING_SEEDS,
-    described,
-    own_time_s,
-    spent_s,
-    without_cadence,
-)
+from experiments.common.seeds import EVALUATION_SEED, TUNING_SEEDS
+from experiments.common.stages import described, own_time_s, spent_s, without_cadence
 from experiments.common.success import failed_seeds, pooled_row, pooled_target, success_on_the_way
 from experiments.z1_reach.holding import Holding, hold
 
@@ -105,7 +99,8 @@ class Z1Reach:
         seeds: trainings of what targets ask for, the first algorithm with the first action level and the first reward,
             plain and smooth; others: of all other arms.
         horizon: steps of a learning episode. num_envs: worlds that learn.
-        episodes: unseen seeds that judge. curve_episodes: tuning seeds flown on the way.
+        episodes: unseen seeds that judge.
+        first_episode: the first of them. curve_episodes: tuning seeds flown on the way.
         threads: of the simulation; 0 for all cores.
     """
 
@@ -127,6 +122,7 @@ class Z1Reach:
     horizon: int = 100
     num_envs: int = 8
     episodes: int = 1000
+    first_episode: int = EVALUATION_SEED
     curve_episodes: int = 50
     threads: int = 1
 
@@ -192,7 +188,7 @@ class Z1Reach:
 
     def judged_place(self, arm: Arm, seed: int, record: Record) -> Path:
         """Return where the evaluation of a training lies."""
-        judging = {"seeds": [EVALUATION_SEED, EVALUATION_SEED + self.episodes]}
+        judging = {"seeds": [self.first_episode, self.first_episode + self.episodes]}
         decided_by = {"training": self._decided_by(arm, seed), **judging}
         return record.place("evaluations", f"{arm.place}/{seed}", decided_by)
 
@@ -214,7 +210,7 @@ class Z1Reach:
             return load_result(judged)
         policy = self._trained(arm, seed, record, progress)
         write_json(judged / HOLDING, asdict(self._held(arm, policy)))
-        result = self._flown(arm, policy, range(EVALUATION_SEED, EVALUATION_SEED + self.episodes), progress)
+        result = self._flown(arm, policy, range(self.first_episode, self.first_episode + self.episodes), progress)
         result.save(judged)
         return result
 
@@ -242,7 +238,7 @@ class Z1Reach:
             env.close()
 
     def _held(self, arm: Arm, policy: ChunkPolicy) -> Holding:
-        seeds = EVALUATION_SEED + np.arange(min(HELD_SEEDS, self.episodes))
+        seeds = self.first_episode + np.arange(min(HELD_SEEDS, self.episodes))
         env = self.environment(arm, len(seeds), horizon=HELD_STEPS)
         try:
             return hold(env, policy, seeds, steps=HELD_STEPS, watched=WATCHED_STEPS)

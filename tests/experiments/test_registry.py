@@ -96,7 +96,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("imitation", {"tasks": ("hover",)}, "task"),
     ("imitation", {"methods": ("diffusion_act",)}, "method"),
     ("imitation", {"algorithms": {}}, "differ"),
-    ("imitation", {"first_episode": 9_999}, "from 10000"),
+    ("imitation", {"first_episode": 9_999}, "from 20000"),
     ("imitation", {"episodes": 0}, "start at 1"),
     ("imitation", {"draws": ()}, "at least one"),
     ("imitation", {"flown_in": ("storm",)}, "storm"),

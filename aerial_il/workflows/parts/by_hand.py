@@ -6,6 +6,7 @@ import logging
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.algorithms.bc import BC
+from aerial_il.data.dataset import open_dataset
 from aerial_il.data.provenance import flown_by_hand
 from aerial_il.data.reading import AS_IT_SAYS, Reading
 from aerial_il.data.waypoints import LEVEL, LOOKAHEAD_S, Waypoints
@@ -33,7 +34,7 @@ def suited[P: PolicySettings](
     before: Waypoints | None = getattr(algorithm, "waypoints", None)  # of one that clones
     if path is None or before is None or by_hand is False:
         return algorithm, policy
-    episodes = reading.open(path, failures=True, states=False).one_of_each()
+    episodes = open_dataset(path, **reading.answers, failures=True, states=False).one_of_each()
     flown = [episode for episode in episodes if by_hand or flown_by_hand(episode.provenance)]
     if not flown or not (by_hand or all(e.spec.action.level == LEVEL for e in flown)):
         return algorithm, policy

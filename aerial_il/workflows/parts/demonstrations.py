@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.reading import AS_IT_SAYS, Reading
 
@@ -35,12 +36,12 @@ def open_demonstrations(
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
     if limit is None:
-        return reading.open(path, cameras=tuple(images), failures=failures, states=states)
+        return open_dataset(path, **reading.answers, cameras=tuple(images), failures=failures, states=states)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
         )
-    dataset = reading.open(path, states=states)
+    dataset = open_dataset(path, **reading.answers, states=states)
     solved = [(episode for episode in task if episode.success) for task in dataset.by_task()]
     chosen = list(islice(_by_turns(solved), limit))
     if len(chosen) < limit:
@@ -49,7 +50,9 @@ def open_demonstrations(
             "Collect more into it, or leave dataset.episodes=null for all."
         )
     if images:  # one after the other, as the algorithm takes them: they may not fit into memory
-        return reading.open(path, cameras=tuple(images), states=states).only([episode.uid for episode in chosen])
+        return open_dataset(path, **reading.answers, cameras=tuple(images), states=states).only(
+            [episode.uid for episode in chosen]
+        )
     return chosen
 
 
@@ -60,7 +63,7 @@ def warn_of_changes(path: str, reading: Reading = AS_IT_SAYS) -> None:
 
     for note in dict.fromkeys(
         note
-        for episode in reading.open(path, states=False).one_of_each()
+        for episode in open_dataset(path, **reading.answers, states=False).one_of_each()
         if not episode.spec.is_outside
         for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)))
         if note
@@ -72,7 +75,7 @@ def check_origin(path: str, expected: Mapping[str, str], reading: Reading = AS_I
     """Refuse a dataset with demonstrations of another robot, task, tier or action level than ``expected``."""
     from aerial_il.algorithms.supervised.training_set import check_recorded
 
-    for part in reading.open(path, states=False).parts if expected else ():
+    for part in open_dataset(path, **reading.answers, states=False).parts if expected else ():
         check_recorded(part.spec, expected)
 
 

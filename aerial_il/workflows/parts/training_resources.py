@@ -65,13 +65,14 @@ def training_resources(
         return
     from aerial_il.algorithms.online.problem import forfeits_by_success
     from aerial_il.collection.collect import collect
+    from aerial_il.data.dataset import open_dataset
     from aerial_il.workflows.parts.environments import EnvironmentReference, reference_of
     from aerial_il.workflows.parts.page import OPERATORS, operator
 
     by_hand = expert in OPERATORS
     scripted = "expert" in needs and not by_hand
     typed = reference.env if reference else None
-    spec = None if dataset is None else reading.open(dataset, states=False).spec
+    spec = None if dataset is None else open_dataset(dataset, **reading.answers, states=False).spec
     asked = _expert(spec, expert, typed) if spec and scripted else None
     where = reference_of(spec, images=images, typed=typed) if spec else reference or EnvironmentReference()
     worlds = 1 if by_hand else num_envs or algorithm.worlds

@@ -17,7 +17,8 @@ from aerial_il.data.folder import DEMOS, FAILURES
 from experiments.common import demonstrations
 from experiments.common.demonstrations import MOST_PER_DRAW, SEEDS_PER_DRAW, Source
 from experiments.common.record import RECORD, Record, digest
-from experiments.common.stages import EVALUATION_SEED, TUNING_SEEDS, check_seeds, own_time_s, trained_s
+from experiments.common.seeds import EVALUATION_SEED, TUNING_SEEDS
+from experiments.common.stages import own_time_s, trained_s
 
 
 def test_equal_settings_lie_in_one_place_and_others_elsewhere(tmp_path: Path) -> None:
@@ -134,11 +135,3 @@ def test_draws_and_evaluations_share_no_seed() -> None:
     assert 2 * MOST_PER_DRAW <= min(TUNING_SEEDS) < EVALUATION_SEED < SEEDS_PER_DRAW
     with pytest.raises(InvalidValueError, match="draws 0 to 9"):
         Source(robot="fa_hexa_arm4", task="reach", draw=10)
-
-
-@pytest.mark.parametrize(("seed", "episodes"), [(0, 10), (5_990, 20), (9_999, 2), (99_999, 2)])
-def test_evaluations_on_seeds_of_demonstrations_are_refused(seed: int, episodes: int) -> None:
-    with pytest.raises(InvalidValueError, match="from 10000 to 99999"):
-        check_seeds(seed, episodes)
-    check_seeds(5_000, 10)
-    check_seeds(10_000, 200)

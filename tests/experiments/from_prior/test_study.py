@@ -9,6 +9,7 @@ from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
+from aerial_il.core import registry
 from aerial_il.evaluation.statistics import mcnemar
 from aerial_il.policies.mlp import MLP
 from experiments.common.demonstrations import Source
@@ -17,6 +18,7 @@ from experiments.common.record import digest
 from experiments.common.stages import Cloned
 from experiments.from_prior.study import BEGINNING, CLONE, FromPrior
 from experiments.from_prior_big_four.study import FromPriorBigFour
+from experiments.practice.study import Practice
 
 ITERATED = "expert_iteration"
 CLONING = BC(steps=10, batch_size=16)
@@ -123,3 +125,16 @@ def test_whatever_practice_begins_with_decides_it() -> None:
     ]
     trainings = [Continued("dapg", source, 2, MLP(), DAPG(), started) for started in beginnings]
     assert len({digest(training.decided_by()) for training in trainings}) == len(beginnings)
+
+
+def test_practice_as_shipped_is_what_the_commands_train() -> None:
+    """Each method with its defaults, from the clone that it makes by default, on every draw."""
+    study = Practice()
+    trained = {(arm.name, arm.training.source.draw): arm.training for arm in study.all_arms()}
+    for name in study.arms:
+        algorithm = registry.get("algorithm", name)()
+        for draw in (0, 1, 2):
+            training = trained[name, draw]
+            assert (training.algorithm, training.policy, training.demos) == (algorithm, MLP(), 10)
+            if isinstance(training, Continued):
+                assert training.prior.algorithm == algorithm.cloning

@@ -61,7 +61,8 @@ def run(settings: Bench) -> None:
     """Measure, keep the report, print it.
 
     Raises:
-        InvalidValueError: this is an installed package, which has no studies. ClaimError: a claim does not hold.
+        InvalidValueError: this is an installed package, which has no studies; or settings are tried out on seeds that
+            are reserved for judging. ClaimError: a claim does not hold.
     """
     if not registry.names("study"):
         raise InvalidValueError(registry.KINDS["study"].hint)
@@ -69,6 +70,8 @@ def run(settings: Bench) -> None:
     if settings.quick:
         _check_claims(tuple(study.name for study in studies), settings)
         return
+    for study in studies:
+        import_module(f"{EXPERIMENTS}.common.seeds").check_untuned(study)
     reports = [_measure(study, settings) for study in studies]
     plain = [report.to_dict() for report in reports]
     settings.show(plain[0] if settings.bench else plain, lambda: "\n\n".join(map(as_text, reports)))

@@ -1,0 +1,202 @@
+"""The policy that flies what was generated: for each world a source, its segments moved to where things are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+
+from aerial_il.core.contracts import Observation
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.rotations import rot6d_from_mat
+from aerial_il.core.seeding import named_rng
+from aerial_il.experts.expert import LEAD_M, turned_towards
+from aerial_il.experts.perturbation import Perturbation
+from aerial_il.generation.plan import Path, moved
+from aerial_il.generation.segments import Segment, cut
+from aerial_il.generation.source import LEVEL, Source
+from aerial_il.generation.things import Poses, Scene
+from aerial_il.suite.batch import BatchEnvironment
+
+Select = Literal["random", "nearest"]
+TRANSIT = "transit"
+NEAR_M = 0.04  # from where a path begins, at which it does
+LATE_M, PATIENCE_STEPS = 0.02, 50  # a command waits for a tool that is farther, so many steps a segment
+TURN_RAD = 0.6  # that a tool is turned ahead on its way
+HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
+NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
+
+
+@dataclass(eq=False)
+class _World:
+    """What one world flies: a path, once its tool has come to where that begins, and the segments that follow.
+
+    Attributes:
+        left: segments to come. flown: the one whose path it is. path: of it. actions: (K, 10) its commands.
+        phase: of it. opening: of the gripper on the way. arrived: whether the tool has come. step: of the path.
+        waited: steps in which the tool was late. attempts: at this segment.
+    """
+
+    left: list[Segment]
+    flown: Segment
+    path: Path
+    actions: np.ndarray
+    phase: int
+    opening: float
+    arrived: bool = False
+    step: int = 0
+    waited: int = 0
+    attempts: int = 1
+
+
+class Generator:
+    """Flies segments of sources, each moved to where its thing is when its turn comes.
+
+    Attributes:
+        phase_names: ``transit`` and the names of things. phase: (n,) present ones.
+        expert_action: (n, Da) what was meant, before the perturbation: the label to learn from.
+
+    Args:
+        sources: flights to take from. select: which of them flies: any at ``random``, or the ``nearest``, whose things
+            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. seed: of both.
+
+    Raises:
+        InvalidValueError: no such selection or noise.
+    """
+
+    def __init__(
+        self, sources: Sequence[Source], *, select: Select = "random", noise: float = 0.0, seed: int = 0
+    ) -> None:
+        if select not in get_args(Select):
+            raise InvalidValueError(f"select={select} is not one of {', '.join(get_args(Select))}.")
+        if not 0.0 <= noise <= 1.0:
+            raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
+        self.sources, self.select, self.seed = list(sources), select, seed
+        self._cut = [cut(source) for source in self.sources]
+        names = dict.fromkeys(segment.name for segments in self._cut for segment in segments)
+        self.phase_names = (TRANSIT, *names)
+        self._wander = Perturbation(noise, seed, name="generation noise")
+        self.phase = np.zeros(0, int)
+        self.expert_action = np.zeros((0, 0))
+
+    def attach(self, env: BatchEnvironment) -> None:
+        """Bind to the environment to fly in.
+
+        Raises:
+            InvalidValueError: it is of another task, or not flown at level ``ee_pose``.
+        """
+        spec, source = env.spec, self.sources[0].spec
+        if spec.task != source.task:
+            raise InvalidValueError(f"The sources fly {source.task}, the environment is of {spec.task}.")
+        if spec.action.level != LEVEL:
+            raise InvalidValueError(f"Generation flies at level {LEVEL!r}, the environment's is {spec.action.level!r}.")
+        self._env, self._spec = env, spec
+        self._scene = Scene(env.model)
+        self._joints = {t.name: env.model.joint(t.joint).name for t in self._scene.things if t.kind == "free"}
+        self._worlds: list[_World | None] = [None] * env.num_envs
+        self.phase = np.zeros(env.num_envs, int)
+        self._wander.attach(env.num_envs)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
+        mask = np.ones(len(self._worlds), bool) if mask is None else np.asarray(mask, bool)
+        for world in np.flatnonzero(mask):
+            self._worlds[world] = None
+        self._wander.reset(mask)
+
+    def act(self, obs: Observation) -> np.ndarray:
+        """Return ``ee_pose`` actions (n, Da); the observation is ignored in favour of the simulator's state."""
+        self._plan()
+        bounds = self._spec.action
+        rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
+        self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
+        action = self.expert_action.copy()
+        share = np.where(self.phase == 0, NOISE_ON_THE_WAY, NOISE_AT_THINGS)
+        action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
+        return bounds.clip(action)
+
+    def _command(self, i: int, world: _World) -> np.ndarray:
+        """Return the command of a world, the same until the tool has come to where it belongs."""
+        tool = self._env.simulation.view.tool_pos[i]
+        world.arrived |= bool(np.linalg.norm(tool - world.path.there[0]) < NEAR_M)
+        self.phase[i] = world.phase if world.arrived else 0
+        if not world.arrived:
+            return self._on_the_way(i, world)
+        step = min(world.step, len(world.path) - 1)
+        aside = self._slipped(i, world, step)
+        late = np.linalg.norm(tool - world.path.there[step] - aside) > LATE_M
+        if late and world.waited < PATIENCE_STEPS:
+            world.waited += 1
+        else:
+            world.step += 1
+        action = world.actions[step].copy()
+        action[:3] += aside
+        return action
+
+    def _on_the_way(self, i: int, world: _World) -> np.ndarray:
+        """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
+        view, path = self._env.simulation.view, world.path
+        ahead = path.there[0] - view.tool_pos[i]
+        pos = view.tool_pos[i] + ahead * min(1.0, LEAD_M / max(float(np.linalg.norm(ahead)), 1e-9))
+        facing = rot6d_from_mat(path.facing)[None]
+        return np.concatenate([pos, turned_towards(view.tool_mat[i : i + 1], facing, TURN_RAD)[0], [world.opening]])
+
+    def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
+        """Return by how much (3,) m a carried thing lies elsewhere in the gripper than in the source."""
+        offset, view = world.path.offset[step], self._env.simulation.view
+        if np.isnan(offset[0]):
+            return np.zeros(3)
+        place, _ = view.free_joint(self._joints[world.flown.carried])
+        aside = view.tool_pos[i] - view.qpos[i, place][:3] - offset
+        return aside if np.linalg.norm(aside) < HELD_M else np.zeros(3)
+
+    def _plan(self) -> None:
+        """Give each world that has flown its path the next one."""
+        due = [i for i, world in enumerate(self._worlds) if world is None or _is_done(world)]
+        states = self._env.get_state() if due else np.zeros((0, 0))
+        for i in due:
+            now = self._scene.at(states[i : i + 1])
+            self._worlds[i] = self._next(self._worlds[i], int(self._env.seeds[i]), now)
+
+    def _next(self, world: _World | None, seed: int, now: Poses) -> _World:
+        """Return a world with its first or its next segment, or with the same one again if its thing was missed."""
+        if world is None:
+            first, *left = self._cut[self._chosen(seed, now)]
+            return self._begun(first, left, now, opening=float(first.gripper[0]))
+        if world.attempts < ATTEMPTS and self._missed(world.flown, now):
+            again = self._begun(world.flown, world.left, now, opening=float(world.flown.gripper[0]))
+            return replace(again, attempts=world.attempts + 1)
+        return self._begun(world.left[0], world.left[1:], now, opening=float(world.path.gripper[-1]))
+
+    def _begun(self, segment: Segment, left: list[Segment], now: Poses, *, opening: float) -> _World:
+        """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
+        k = self._scene.names.index(segment.name)
+        path = moved(segment, self._scene.things[k], k, now)
+        return _World(left, segment, path, path.actions, self.phase_names.index(segment.name), opening)
+
+    def _missed(self, segment: Segment, now: Poses) -> bool:
+        """Return whether a segment should have ended with its thing in the gripper, and did not."""
+        if segment.held is None:
+            return False
+        pos = now.pos[0, self._scene.names.index(segment.name)]
+        return bool(np.linalg.norm(now.tool_mat[0].T @ (pos - now.tool_pos[0]) - segment.held) > HELD_M)
+
+    def _chosen(self, seed: int, now: Poses) -> int:
+        if self.select == "random" or len(self.sources) == 1:
+            return int(named_rng(seed, "source", str(self.seed)).integers(len(self.sources)))
+        names = self._scene.names
+        return int(np.argmin([_distance(source, names, now) for source in self.sources]))
+
+
+def _is_done(world: _World) -> bool:
+    return world.step >= len(world.path) and bool(world.left)
+
+
+def _distance(source: Source, names: tuple[str, ...], now: Poses) -> float:
+    """Return how far things lie from where they lay in a source, relative to the tool, m."""
+    then = source.poses
+    order = [names.index(thing.name) for thing in source.things]
+    apart = (now.pos[0, order] - now.tool_pos[0]) - (then.pos[0] - then.tool_pos[0])
+    return float(np.linalg.norm(apart, axis=1).sum())

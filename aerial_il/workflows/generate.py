@@ -1,0 +1,149 @@
+"""Generate many demonstrations out of few: their segments, moved to where things are, are flown and recorded."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.workflows.collect import SHARDS
+from aerial_il.workflows.parts.names import MaybeRobot, MaybeTier, at_least
+
+if TYPE_CHECKING:
+    from aerial_il.generation.source import Source
+
+log = logging.getLogger(__name__)
+POLICY = "generated"
+LONGEST, SPARE_STEPS = 3, 250  # a flight is cut off after so many times its longest source, and that
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generate:
+    """What is generated.
+
+    Attributes:
+        dataset: recordings to generate from: by an expert or by hand, of one task.
+        sources: how many of its successes, from the first on (null: all).
+        out: folder of the new dataset; its failures are kept, labelled so.
+        robot: that flies (null: the one of the sources).
+        tier: that it flies in (null: the one of the sources).
+        episodes: flights, one for each seed.
+        seed: first seed; evaluations start at 10000.
+        select: which source a flight is made of: random, or nearest, whose things lay most alike.
+        noise: perturbation of the commands, from 0 (none) to 1; what is learned from is the command without it.
+        cameras: cameras to record: scene, wrist, base.
+        image_size: height and width of their images.
+        mix: add to a dataset of another tier, flight law, pilot or settings.
+        num_envs: worlds flown at once.
+        threads: simulation threads; 0 for all cores.
+        shard: episodes of each job, where launcher= divides the work.
+        progress: show a progress bar.
+    """
+
+    dataset: str
+    sources: int | None = None
+    out: str
+    robot: MaybeRobot = None
+    tier: MaybeTier = None
+    episodes: int = 1000
+    seed: int = 0
+    select: Literal["random", "nearest"] = "random"
+    noise: float = 0.0
+    cameras: tuple[str, ...] = ()
+    image_size: tuple[int, int] = (240, 320)
+    mix: bool = False
+    num_envs: int = 64
+    threads: int = 0
+    shard: int = 1000
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        at_least(self, sources=1, episodes=1, seed=0, noise=0.0, num_envs=1, threads=0, shard=1)
+
+
+def generate(settings: Generate) -> str:
+    """Fly what is missing, and return the folder.
+
+    Raises:
+        InvalidValueError: nothing can be generated from the recordings, or ``out`` is where they are.
+    """
+    from aerial_il.collection.collect import collect
+    from aerial_il.core.rendering import require_rendering
+    from aerial_il.generation.generator import Generator
+    from aerial_il.workflows.parts.environments import EnvironmentReference
+
+    _check_apart(settings)
+    if settings.cameras:
+        require_rendering(f"cameras=[{','.join(settings.cameras)}]")
+    sources = _sources(settings)
+    spec = sources[0].spec
+    policy = Generator(sources, select=settings.select, noise=settings.noise)
+    where = EnvironmentReference(
+        robot=settings.robot or spec.robot,
+        task=spec.task,
+        tier=settings.tier or spec.tier,
+        controller=spec.controller,
+        cameras=settings.cameras,
+        image_size=settings.image_size,
+    )
+    made_of = {"sources": [source.uid for source in sources], "select": settings.select, "noise": settings.noise}
+    longest = LONGEST * max(map(len, sources)) + SPARE_STEPS
+    with closing(where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)) as env:
+        done = collect(
+            env, policy, range(settings.seed, settings.seed + settings.episodes), settings.out,
+            policy_name=POLICY, settings=made_of, longest=min(longest, env.spec.max_steps), mix=settings.mix,
+            progress=settings.progress,
+        )  # fmt: skip
+    if done.failures and not done.demos:
+        log.warning("None of %d flights succeeded: %s", len(done.failures), _advice(sources, settings))
+    return settings.out
+
+
+def shards(settings: Generate) -> list[tuple[tuple[str, ...], str]]:
+    """Return, for each part of the seeds, the words that choose it and a folder for its log."""
+    end = settings.seed + settings.episodes
+    return [
+        (
+            (f"seed={first}", f"episodes={min(settings.shard, end - first)}"),
+            f"{settings.out}/{SHARDS}/seed={first}",
+        )
+        for first in range(settings.seed, end, settings.shard)
+    ]
+
+
+def _sources(settings: Generate) -> list[Source]:
+    """Return the flights to generate from, and say what they are cut into."""
+    from itertools import islice
+
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.generation.segments import cut
+    from aerial_il.generation.source import read_sources
+
+    flights = (episode for episode in open_dataset(settings.dataset) if episode.success)
+    sources = read_sources(islice(flights, settings.sources))
+    if settings.sources and len(sources) < settings.sources:
+        raise InvalidValueError(
+            f"{settings.dataset} has {len(sources)} successful demonstrations; sources={settings.sources} asks for "
+            "more."
+        )
+    if settings.progress:
+        for source in sources[:10]:
+            parts = ", ".join(f"{len(each) * source.spec.control_dt_s:.1f} s at {each.name}" for each in cut(source))
+            log.info("%s: %s.", source.uid, parts)
+    return sources
+
+
+def _check_apart(settings: Generate) -> None:
+    from pathlib import Path
+
+    if Path(settings.out).resolve() == Path(settings.dataset).resolve():
+        raise InvalidValueError(f"out={settings.out} is where the sources are: name another folder.")
+
+
+def _advice(sources: list[Source], settings: Generate) -> str:
+    robot = sources[0].spec.robot
+    if settings.robot not in (None, robot):
+        return f"they were made for {settings.robot} out of flights of {robot}. Record one with {settings.robot}."
+    return f"look at one with aerial-il view {settings.out}, or take another source."

@@ -1,0 +1,228 @@
+"""Demonstrations out of one: how often generated flights succeed, and how well a clone of them flies.
+
+Each draw has one flight of the expert, the source. It is generated from for every robot and in several tiers, and a
+clone of what was generated flies beside two controls: a clone of as many flights of the expert, and one of the source
+alone. All are judged on the same reserved seeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import Any, ClassVar
+
+import aerial_il
+from aerial_il.algorithms.bc import BC
+from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import Policy
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.data.dataset import Dataset
+from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.statistics import wilson
+from aerial_il.generation.generator import Generator
+from aerial_il.generation.source import read_sources
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.suite import tasks as registered
+from experiments.common.demonstrations import Source, collections
+from experiments.common.record import Record
+from experiments.common.report import Report, Row, Target, bar
+from experiments.common.seeds import EVALUATION_SEED, check_seeds
+from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
+from experiments.common.success import failed_seeds, pooled_row
+
+GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
+GENERATED, AS_MANY, ALONE = "generated", "as_many", "alone"
+ARMS = (GENERATED, AS_MANY, ALONE)
+WITH_OBJECTS = (
+    "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
+    "inspect_contact",
+)  # fmt: skip
+WANTED = {"calm": 98.0, "gusts": 90.0, "hard": 95.0}  # % of generated flights, by tier, of the robot of the source
+ACROSS = {"ua_quad_arm4": 95.0, "big_four_z1": 90.0}  # likewise on other robots, in calm air
+CLONES = {"pick_place": (99.0, 95.0), "insert_peg": (98.0, 90.0)}  # % calm and gusts
+OTHER_CLONES = (95.0, 85.0)
+
+
+@dataclass(frozen=True, eq=False)
+class GeneratedFrom(Shown):
+    """A clone of what was generated out of the first ``demos`` flights of a source.
+
+    Attributes:
+        algorithm: how it is cloned. flights: how many are generated, of which the successes are learned from.
+        noise: of the generator.
+    """
+
+    algorithm: BC
+    flights: int
+    noise: float
+
+    def decided_by(self) -> dict[str, Any]:
+        return {**all_that_decides(self), "flights": self.flights, "noise": self.noise}
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        shown = generated(stages, self.source, self.source.robot, self.source.tier, self.flights, self.noise)
+        return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Generation:
+    """Settings.
+
+    Attributes:
+        policy: what is cloned. cloning: how. robot: of the sources. others: robots that it is generated for, too.
+        tasks: which. tiers: that it is generated in, the first of which clones learn from; the sources are flown there.
+        flown_in: tiers that judge clones. flights: generated of each. few: for other robots and tiers.
+        noise: of the generator. arms: clones. draws: of sources and weights.
+        episodes: that judge a clone. first_episode: the first of them. num_envs: worlds flown at once.
+        threads: of the simulation; 0 for all cores.
+    """
+
+    name: ClassVar[str] = "generation"
+    question: ClassVar[str] = "How many demonstrations, and how good a clone, come out of a single flight?"
+
+    policy: PolicySettings = field(default_factory=MLP)
+    cloning: BC = field(default_factory=BC)
+    robot: str = "fa_hexa_arm4"
+    others: tuple[str, ...] = tuple(ACROSS)
+    tasks: tuple[str, ...] = WITH_OBJECTS
+    tiers: tuple[str, ...] = ("calm", "gusts", "hard")
+    flown_in: tuple[str, ...] = ("calm", "gusts")
+    flights: int = 400
+    few: int = 200
+    noise: float = 0.0
+    arms: tuple[str, ...] = ARMS
+    draws: tuple[int, ...] = (0, 1, 2)
+    episodes: int = 200
+    first_episode: int = EVALUATION_SEED
+    num_envs: int = 50
+    threads: int = 0
+
+    def __post_init__(self) -> None:
+        for task in self.tasks:
+            registered.get(task)
+        for arm in self.arms:
+            if arm not in ARMS:
+                raise UnknownNameError("arm", arm, ARMS)
+        if not (self.draws and self.tiers) or min(self.flights, self.few, self.episodes, self.num_envs) < 1:
+            raise InvalidValueError("draws and tiers name one at least; flights, few, episodes, num_envs start at 1.")
+        check_seeds(self.first_episode, self.episodes)
+
+    def run(self, folder: Path, *, progress: bool = True) -> Report:
+        """Fly, generate, train and judge what ``folder`` does not hold yet; see :class:`Study`."""
+        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
+        flown = [self._flown(stages, *cell) for cell in bar(list(self._cells()), self.name, progress)]
+        work = list(product(self._trainings(), self.flown_in))
+        seeds = range(self.first_episode, self.first_episode + self.episodes)
+        results = {key: stages.judged(key[0], key[1], seeds) for key in bar(work, "clones", progress)}
+        clones = list(_clone_rows(results))
+        return Report(
+            study=self,
+            targets=(*self._flight_targets(flown), *_clone_targets(clones)),
+            tables={"Generated": flown, "Clones": clones},
+            notes=(*NOTES, *stages.record.notes()),
+            details={"failed_seeds": {f"{t.label}, {tier}": failed_seeds(r) for (t, tier), r in results.items()}},
+            wall_time_s=stages.seconds(),
+        )
+
+    def _cells(self) -> Iterator[tuple[str, str, str]]:
+        """Yield robot, tier and task of what is generated: the sources' robot in all tiers, others in the first."""
+        for task in self.tasks:
+            yield from ((self.robot, tier, task) for tier in self.tiers)
+            yield from (
+                (other, self.tiers[0], task) for other in self.others if (other, task) in aerial_il.list_cells()
+            )
+
+    def _source(self, task: str, draw: int) -> Source:
+        return Source(robot=self.robot, task=task, tier=self.tiers[0], draw=draw)
+
+    def _flown(self, stages: Stages, robot: str, tier: str, task: str) -> Row:
+        """Return how often flights that were generated for a cell succeed, over all draws."""
+        own = (robot, tier) == (self.robot, self.tiers[0])
+        count, won, seconds = self.flights if own else self.few, list[int](), 0.0
+        for draw in self.draws:
+            dataset = generated(stages, self._source(task, draw), robot, tier, count, self.noise)
+            won.append(len(DatasetFolder(dataset.path).files(DEMOS)))
+            seconds += sum(run["seconds"] for run in collections([Path(dataset.path)]))
+        low, high = wilson(sum(won), count * len(won))
+        head = {"robot": robot, "tier": tier, "task": task, "sources": len(won), "flown": count * len(won)}
+        percents = [round(100 * each / count, 1) for each in won]
+        return {
+            **head,
+            "success": sum(won),
+            "percent": round(100 * sum(won) / (count * len(won)), 1),
+            "flights_low": round(100 * low, 1),
+            "flights_high": round(100 * high, 1),
+            "worst": min(percents),
+            "best": max(percents),
+            "a_minute": round(60 * sum(won) / seconds),
+        }
+
+    def _trainings(self) -> Iterator[GeneratedFrom | Cloned]:
+        for draw, task in product(self.draws, self.tasks):
+            source = self._source(task, draw)
+            by_arm: dict[str, GeneratedFrom | Cloned] = {
+                GENERATED: GeneratedFrom(GENERATED, source, 1, self.policy, self.cloning, self.flights, self.noise),
+                AS_MANY: Cloned(AS_MANY, replace(source, noise=0.3), self.flights, self.policy, self.cloning),
+                ALONE: Cloned(ALONE, source, 1, self.policy, replace(self.cloning, validation=0.0)),
+            }
+            yield from (by_arm[arm] for arm in self.arms)
+
+    def _flight_targets(self, rows: list[Row]) -> Iterator[Target]:
+        for row in rows:
+            limit = WANTED[row["tier"]] if row["robot"] == self.robot else ACROSS.get(row["robot"])
+            if limit is not None:
+                what = f"generated from one flight: {row['robot']}, {row['tier']}, {row['task']}"
+                spread = (
+                    f"flights {row['flights_low']} to {row['flights_high']}; sources {row['worst']} to {row['best']}"
+                )
+                yield Target(what, "at least", limit, row["percent"], "%", spread)
+
+
+NOTES = (
+    "Generated: flights out of one flight of the expert without noise, cut by what moved; a row "
+    "has as many sources as draws, each flown as often. Flights: Wilson's 95 % interval over all of them; worst and "
+    "best: of single sources. A minute: successes of wall time, recorded.",
+    "Clones of what was generated: each training has its own source and weights. Controls beside them: as_many, a "
+    "clone of as many flights of the expert with its default noise; alone, one of the single flight.",
+)
+
+
+def generated(stages: Stages, source: Source, robot: str, tier: str, count: int, noise: float) -> Dataset:
+    """Return ``count`` flights that were generated out of the first flight of a source, flying what is missing."""
+    decided_by = {"source": source.decided_by(), "robot": robot, "tier": tier, "noise": noise}
+    place = stages.record.place("datasets", f"generated/{robot}-{source.task}-{tier}/{source.draw}", decided_by)
+    stages.places.setdefault("datasets", {})[place] = None
+    folder, first = DatasetFolder(place), GENERATION_SEED + SEEDS_PER_DRAW * source.draw
+    if len(folder.files(DEMOS)) + len(folder.files(FAILURES)) < count:
+        sources = read_sources(stages.demonstrations(source, 1))
+        env = stages.environment(replace(source, robot=robot), tier, min(stages.num_envs, count))
+        try:
+            policy, made_of = Generator(sources, noise=noise), {"sources": [s.uid for s in sources], "noise": noise}
+            collect(
+                env, policy, range(first, first + count), place, policy_name="generated", settings=made_of,
+                longest=min(3 * len(sources[0]) + 250, env.spec.max_steps), progress=stages.progress,
+            )  # fmt: skip
+        finally:
+            env.close()
+    return aerial_il.open_dataset(str(place))
+
+
+def _clone_rows(results: Mapping[tuple[Any, str], EvaluationResult]) -> Iterator[Row]:
+    groups: dict[tuple[str, str, str], list[EvaluationResult]] = {}
+    for (training, tier), result in results.items():
+        groups.setdefault((training.source.task, training.method, tier), []).append(result)
+    for (task, arm, tier), judged in groups.items():
+        yield {"task": task, "arm": arm, "tier": tier, **pooled_row(judged)}
+
+
+def _clone_targets(rows: list[Row]) -> Iterator[Target]:
+    for row in (row for row in rows if row["arm"] == GENERATED):
+        limits = dict(zip(("calm", "gusts"), CLONES.get(row["task"], OTHER_CLONES), strict=True))
+        if row["tier"] in limits:
+            spread = f"flights {row['flights_low']} to {row['flights_high']}; worst {row['worst']}, best {row['best']}"
+            what = f"clone of what one flight gave: {row['task']}, {row['tier']}"
+            yield Target(what, "at least", limits[row["tier"]], row["percent"], "%", spread)

@@ -1,0 +1,91 @@
+"""One flight becomes many, by the command: on other places, other robots, in gusts, and the same bytes again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from aerial_il.cli.main import main
+from aerial_il.data.dataset import open_dataset
+
+Shown = Callable[[str], Path]
+pytestmark = pytest.mark.usefixtures("no_commit")
+
+
+def generate(source: Path, out: Path, *words: str) -> int:
+    few = ["episodes=8", "num_envs=8", "threads=1", "progress=false"]
+    return main(["generate", f"dataset={source}", f"out={out}", *few, *words])
+
+
+def files(folder: Path) -> dict[str, str]:
+    return {file.name: sha256(file.read_bytes()).hexdigest() for file in folder.glob("*/*.mcap")}
+
+
+@pytest.mark.parametrize(
+    ("task", "words"),
+    [
+        ("pick_place", []),
+        ("pick_place", ["robot=ua_quad_arm4", "tier=gusts"]),
+        ("insert_peg", []),
+        ("open_door", []),
+        ("press_button", ["noise=0.3"]),
+    ],
+)
+def test_one_flight_becomes_many(shown: Shown, tmp_path: Path, task: str, words: list[str]) -> None:
+    assert generate(shown(task), tmp_path / "many", *words) == 0
+    flights = list(open_dataset(tmp_path / "many", failures=True))
+    assert sum(flight.success for flight in flights) >= 7
+    made = flights[0].provenance
+    (source,) = made["settings"]["sources"]
+    assert source == next(iter(open_dataset(shown(task)))).uid
+    phases = flights[0].phase
+    assert phases[0] == 0
+    assert 1 in phases
+
+
+def test_labels_are_the_commands_without_noise(shown: Shown, tmp_path: Path) -> None:
+    assert generate(shown("pick_place"), tmp_path / "noisy", "noise=0.5", "episodes=2") == 0
+    for flight in open_dataset(tmp_path / "noisy", failures=True):
+        apart = np.abs(flight.executed_actions - flight.expert_actions)
+        assert apart[:, :3].max() > 0.005
+        assert apart[:, 3:].max() < 1e-6
+
+
+def test_it_is_the_same_however_many_worlds_and_goes_on(
+    shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, worlds in (("one", 1), ("three", 3)):
+        assert generate(shown("press_button"), tmp_path / name, "episodes=3", f"num_envs={worlds}") == 0
+    assert files(tmp_path / "one") == files(tmp_path / "three")
+    before = files(tmp_path / "one")
+    assert generate(shown("press_button"), tmp_path / "one", "episodes=4") == 0
+    assert before.items() < files(tmp_path / "one").items()
+    assert "Next: aerial-il train" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["sources=2"], "has 1 successful demonstrations; sources=2 asks for more"),
+        (["select=best"], "is not one of random, nearest"),
+        (["noise=2"], "noise lies between 0 and 1"),
+        (["episodes=0"], "episodes=0 is too small"),
+        (["robot=quad"], "quad cannot do pick_place"),
+    ],
+)
+def test_bad_words_are_answered(
+    shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert generate(shown("pick_place"), tmp_path / "many", *words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_the_sources_stay_as_they_are(shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = files(shown("pick_place"))
+    assert generate(shown("pick_place"), shown("pick_place")) == 2
+    assert "is where the sources are" in capsys.readouterr().err
+    assert files(shown("pick_place")) == before
