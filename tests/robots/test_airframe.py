@@ -75,9 +75,12 @@ def test_other_lines_of_a_real_file_are_passed_over(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_airframe(file).rotor_pos, parse_airframe(QUAD).rotor_pos)
 
 
-def without(line: str) -> str:
-    assert line in QUAD
-    return QUAD.replace(line + "\n", "")
+def without(*lines: str) -> str:
+    text = QUAD
+    for line in lines:
+        assert line in text
+        text = text.replace(line + "\n", "")
+    return text
 
 
 @pytest.mark.parametrize(
@@ -87,7 +90,11 @@ def without(line: str) -> str:
         (QUAD.replace("COUNT 4", "COUNT 3"), 12, "Rotor 3 does not fit CA_ROTOR_COUNT 3 of line 2"),
         (QUAD.replace("COUNT 4", "COUNT 3.5"), 2, "whole number from 1 to 12, got 3.5"),
         (without("param set-default CA_ROTOR_COUNT 4"), 0, "CA_ROTOR_COUNT is missing"),
-        (without("param set-default CA_ROTOR1_KM 0.05"), 6, "Rotor 1 has no CA_ROTOR1_KM"),
+        (
+            without("param set-default CA_ROTOR2_KM -0.05", "param set-default CA_ROTOR3_KM -0.05"),
+            0,
+            "Rotors 2, 3 have no",
+        ),
         (QUAD.replace("ROTOR2_KM -0.05", "ROTOR2_KM 0"), 11, "CA_ROTOR2_KM is zero"),
         (QUAD.replace("KM -0.05", "KM 0.05"), 0, "cannot produce lift and three torques"),
         (QUAD.replace("ROTOR0_PX 0.3", "ROTOR0_PX"), 3, "Expected `param set-default NAME VALUE`"),
@@ -124,3 +131,21 @@ def test_rotors_too_weak_for_the_arm_are_refused() -> None:
         InvalidValueError, match=r"4 rotors lift at most 240.0 N, base and arm weigh 203.*CA_ROTOR<i>_CT"
     ):
         replace(robot, base=replace(robot.base, max_thrust=60.0))
+
+
+def test_rotors_that_say_no_moment_have_that_of_px4(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Half of PX4's own airframe files leave it to the module's default."""
+    file = tmp_path / "4001_quad_x"
+    file.write_text(without("param set-default CA_ROTOR0_KM 0.05", "param set-default CA_ROTOR1_KM 0.05"))
+    np.testing.assert_allclose(read_airframe(file).rotor_drag_ratio, parse_airframe(QUAD).rotor_drag_ratio)
+    assert "Rotors 0, 1 have no CA_ROTOR<i>_KM, so that PX4's own 0.05 was taken" in caplog.text
+
+
+def test_what_is_left_out_of_an_airframe_is_said() -> None:
+    text = (
+        QUAD + "param set-default CA_ROTOR1_TILT 2\nparam set-default CA_R_REV 5\nparam set-default CA_ROTOR0_TILT 0\n"
+    )
+    tilting, reversible = parse_airframe(text).notes
+    assert tilting.startswith("Rotors 1 tilt by a servo")
+    assert reversible.startswith("Rotors 0, 2 turn both ways")
+    assert parse_airframe(QUAD).notes == ()

@@ -8,8 +8,10 @@ torque to thrust about the thrust axis.
 
 from __future__ import annotations
 
+import logging
 import math
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -19,15 +21,18 @@ import numpy as np
 from aerial_il.control.allocation import mixer_matrix, wrench_matrix
 from aerial_il.core.errors import AerialError, InvalidValueError
 
-FIELDS = ("PX", "PY", "PZ", "AX", "AY", "AZ", "KM", "CT")
-DEFAULTS = {"PX": 0.0, "PY": 0.0, "PZ": 0.0, "AX": 0.0, "AY": 0.0, "AZ": -1.0}  # PX4's own
-COUNT = "CA_ROTOR_COUNT"
+log = logging.getLogger(__name__)
+FIELDS = ("PX", "PY", "PZ", "AX", "AY", "AZ", "KM", "CT", "TILT")
+DEFAULTS = {"PX": 0.0, "PY": 0.0, "PZ": 0.0, "AX": 0.0, "AY": 0.0, "AZ": -1.0, "KM": 0.05}  # PX4's own
+COUNT, REVERSIBLE = "CA_ROTOR_COUNT", "CA_R_REV"
 VALID = f"{COUNT} and, for rotors 0 to {COUNT} - 1, " + ", ".join(f"CA_ROTOR<i>_{field}" for field in FIELDS)
 MOST_ROTORS = 12  # PX4's limit
 OURS_FROM_PX4 = np.array([1.0, -1.0, -1.0])
 
 _PARAM = re.compile(r"param\s+(?P<verb>\S+)(?:\s+(?P<name>\S+))?(?:\s+(?P<value>\S+))?\s*(?:#.*)?$")
 _ROTOR = re.compile(rf"CA_ROTOR(\d+)_({'|'.join(FIELDS)})$")
+
+Rotor = dict[str, tuple[float, int]]  # field -> value and the line that sets it
 
 
 class AirframeError(AerialError, ValueError):
@@ -51,16 +56,18 @@ class Airframe:
         rotor_pos: (R, 3) m. rotor_axis: (R, 3) unit thrust directions.
         rotor_drag_ratio: (R,) torque on the body about the thrust axis per newton of thrust, m.
         max_thrust: (R,) N at full command, or None where the file does not say (no CT).
+        notes: what was taken for granted or left out, a sentence each.
     """
 
     rotor_pos: np.ndarray
     rotor_axis: np.ndarray
     rotor_drag_ratio: np.ndarray
     max_thrust: np.ndarray | None
+    notes: tuple[str, ...] = ()
 
 
 def read_airframe(path: str | Path) -> Airframe:
-    """Read a PX4 airframe file.
+    """Read a PX4 airframe file; what was taken for granted or left out is logged.
 
     Raises:
         AirframeError: a malformed line, an unknown, missing or impossible rotor parameter, or rotors that cannot
@@ -70,7 +77,10 @@ def read_airframe(path: str | Path) -> Airframe:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise AirframeError(str(path), 0, f"Cannot be read as text ({error}).") from error
-    return parse_airframe(text, str(path))
+    airframe = parse_airframe(text, str(path))
+    for note in airframe.notes:
+        log.warning("%s: %s", path, note)
+    return airframe
 
 
 def stored_airframe(name: str) -> Airframe:
@@ -81,34 +91,58 @@ def stored_airframe(name: str) -> Airframe:
 
 def parse_airframe(text: str, source: str = "airframe") -> Airframe:
     """Read the text of an airframe file; ``source`` names it in errors. See :func:`read_airframe`."""
-    count, rotors = _parameters(text, source)
+    count, rotors, reversible = _parameters(text, source)
     for i in range(count):
         _check_rotor(rotors.get(i, {}), i, count, source)
+    silent = [i for i in range(count) if "KM" not in rotors[i]]
     columns = {f: np.array([_value(rotors[i], f) for i in range(count)]) for f in FIELDS}
     pos = np.stack([columns[f] for f in ("PX", "PY", "PZ")], axis=1) * OURS_FROM_PX4
     axis = np.stack([columns[f] for f in ("AX", "AY", "AZ")], axis=1) * OURS_FROM_PX4
     axis = axis / np.sqrt(np.square(axis).sum(axis=1, keepdims=True))
     thrust = columns["CT"] if np.isfinite(columns["CT"]).all() else None
-    airframe = Airframe(pos, axis, -columns["KM"], thrust)
+    airframe = Airframe(pos, axis, -columns["KM"], thrust, tuple(_notes(rotors, silent, reversible)))
     try:
         mixer_matrix(wrench_matrix(pos, axis, airframe.rotor_drag_ratio))
     except InvalidValueError as error:
-        raise AirframeError(source, 0, f"{error}") from error
+        guessed = f" {_without_moment(silent)}" if silent else ""
+        raise AirframeError(source, 0, f"{error}{guessed}") from error
     return airframe
 
 
-Rotor = dict[str, tuple[float, int]]  # field -> value and the line that sets it
+def _notes(rotors: dict[int, Rotor], silent: list[int], reversible: int) -> Iterator[str]:
+    if silent:
+        yield _without_moment(silent)
+    if tilting := [i for i, rotor in sorted(rotors.items()) if _value(rotor, "TILT") > 0.0]:
+        yield f"Rotors {_listed(tilting)} tilt by a servo (CA_ROTOR<i>_TILT); here they stay as their axes say."
+    if both := [i for i in rotors if reversible >> i & 1]:
+        yield f"Rotors {_listed(sorted(both))} turn both ways ({REVERSIBLE}); here they push along their axes alone."
 
 
-def _parameters(text: str, source: str) -> tuple[int, dict[int, Rotor]]:
-    """Number of rotors and what the file says of each; other parameters and shell commands are passed over."""
-    count, count_line = None, 0
+def _without_moment(silent: list[int]) -> str:
+    return (
+        f"Rotors {_listed(silent)} have no CA_ROTOR<i>_KM, so that PX4's own 0.05 was taken, counter-clockwise. "
+        "Write -0.05 for those that turn clockwise."
+    )
+
+
+def _listed(numbers: list[int]) -> str:
+    return ", ".join(map(str, numbers))
+
+
+def _parameters(text: str, source: str) -> tuple[int, dict[int, Rotor], int]:
+    """Number of rotors, what the file says of each, and a bit for each that is reversible.
+
+    Other parameters and shell commands are passed over.
+    """
+    count, count_line, reversible = None, 0, 0
     rotors: dict[int, Rotor] = {}
     for line, content in enumerate(text.splitlines(), start=1):
         setting = _setting(content, source, line)
-        if setting is None or not setting[0].startswith("CA_ROTOR"):
+        name, value = setting or ("", 0.0)
+        if name == REVERSIBLE:
+            reversible = int(value)
+        if not name.startswith("CA_ROTOR"):
             continue
-        name, value = setting
         if name == COUNT:
             count, count_line = _rotor_count(value, source, line), line
             continue
@@ -126,7 +160,7 @@ def _parameters(text: str, source: str) -> tuple[int, dict[int, Rotor]]:
         line = min(line for _, line in rotors[surplus[0]].values())
         problem = f"Rotor {surplus[0]} does not fit {COUNT} {count} of line {count_line}: rotors count from 0."
         raise AirframeError(source, line, problem)
-    return count, rotors
+    return count, rotors, reversible
 
 
 def _setting(content: str, source: str, line: int) -> tuple[str, float] | None:
@@ -156,11 +190,7 @@ def _check_rotor(rotor: Rotor, i: int, count: int, source: str) -> None:
     """Refuse a rotor that is not there, has no sense of rotation, no direction or no thrust."""
     if "PX" not in rotor and "PY" not in rotor:
         raise AirframeError(source, 0, f"Rotor {i} of {count} is missing: neither CA_ROTOR{i}_PX nor _PY is set.")
-    if "KM" not in rotor:
-        line = min(line for _, line in rotor.values())
-        problem = f"Rotor {i} has no CA_ROTOR{i}_KM: its sign is the sense of rotation, + counter-clockwise."
-        raise AirframeError(source, line, problem)
-    km, line = rotor["KM"]
+    km, line = rotor.get("KM", (DEFAULTS["KM"], 0))
     if km == 0.0:
         problem = f"CA_ROTOR{i}_KM is zero: a rotor without drag torque has no sense of rotation and cannot yaw."
         raise AirframeError(source, line, problem)

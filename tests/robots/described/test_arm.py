@@ -233,3 +233,9 @@ def test_a_joint_without_end_turns_from_minus_pi_to_pi(tmp_path: Path) -> None:
 def test_a_posture_has_a_value_for_each_joint(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"2 values \(shoulder, elbow\)"):
         read(tmp_path, PITCH).posture(0.0)
+
+
+def test_a_guessed_gripper_is_said(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    result = read(tmp_path, PITCH)
+    assert "its gripper sits at" in result.notes[0]
+    assert "tool=... and approach=... would say it" in caplog.text

@@ -217,6 +217,7 @@ def test_a_wrong_mjcf_is_refused_in_words(folder: Path, case: str) -> None:
         ({"zero": (0.0, float("nan"))}, "zero has one angle for each"),
         ({"approach": "y"}, "its joints cannot turn it there"),
         ({"approach": "z"}, "zero="),
+        ({"approach": "-x"}, "zero="),
     ],
 )
 def test_what_the_robots_file_asks_for_in_vain_is_named(folder: Path, options: dict, message: str) -> None:

@@ -13,6 +13,7 @@ Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 AHEAD = np.array([1.0, 0.0, 0.0])
 ALIGNED_RAD = 1e-3
 STEPS, STEP_RAD, DAMPING = 200, 0.3, 1e-4
+STARTS_RAD = (0.0, 0.1, -0.1)
 
 
 def require_ahead(place: Placement, chain: Chain, approach: Axis, zero: tuple[float, ...]) -> None:
@@ -41,9 +42,18 @@ def require_ahead(place: Placement, chain: Chain, approach: Axis, zero: tuple[fl
 def _turn_ahead(axes: np.ndarray, out: np.ndarray) -> tuple[np.ndarray, float]:
     """Joint turns (J,) that bring a direction of the last link to (1, 0, 0), and the angle that is left, rad.
 
+    Tried from several turns: from none, a tool that points backwards would not know which way round.
+    """
+    tried = (_turned_from(start * np.ones(len(axes)), axes, out) for start in STARTS_RAD)
+    return min(tried, key=lambda found: found[1] > ALIGNED_RAD)
+
+
+def _turned_from(turn: np.ndarray, axes: np.ndarray, out: np.ndarray) -> tuple[np.ndarray, float]:
+    """Joint turns, and the angle that is left, from a first guess of the turns (J,).
+
     Damped Gauss-Newton steps (Wampler, IEEE SMC 1986); ``axes`` (J, 3) and ``out`` (3,) are those without turns.
     """
-    turn, now = np.zeros(len(axes)), out
+    now = out
     for _ in range(STEPS):
         now, columns = out, []
         for angle, axis in zip(turn[::-1], axes[::-1], strict=True):
@@ -51,5 +61,5 @@ def _turn_ahead(axes: np.ndarray, out: np.ndarray) -> tuple[np.ndarray, float]:
             columns = [np.cross(axis, now), *(turned_about(axis, angle) @ column for column in columns)]
         jacobian = np.array(columns).T
         step = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + DAMPING * np.eye(3), AHEAD - now)
-        turn += np.clip(step, -STEP_RAD, STEP_RAD)
+        turn = turn + np.clip(step, -STEP_RAD, STEP_RAD)
     return (turn + np.pi) % (2.0 * np.pi) - np.pi, float(np.arccos(np.clip(now @ AHEAD, -1.0, 1.0)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -25,6 +26,8 @@ STIFFNESS_PER_TORQUE, DAMPING_S, ARMATURE_PER_TORQUE = 8.0, 0.05, 1.5e-3  # 1/ra
 ENDLESS = (-np.pi, np.pi)
 SLENDER, THINNEST_M = 0.1, 0.006  # radius of the capsule of a link without shapes: share of its length, and least
 WIDEST_GYRATION = 3.0  # radius of gyration over the arm's length, beyond which the units cannot be right
+
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +81,7 @@ def read_arm(
     *,
     base: str | None = None,
     tool: str | None = None,
-    approach: Axis = "x",
+    approach: Axis | None = None,
     zero: tuple[float, ...] | None = None,
     mount: Vector = (0.0, 0.0, 0.0),
     mount_rpy: Vector = (0.0, 0.0, 0.0),
@@ -97,7 +100,7 @@ def read_arm(
         path: the file. meshes: folder that holds its meshes, the file's own if None; nothing outside is opened.
         base: link that is bolted to the vehicle, the file's first if None.
         tool: link at whose origin the gripper sits, the only end of the tree if None.
-        approach: axis of that link that points out of the gripper.
+        approach: axis of that link that points out of the gripper, x if None.
         zero: (J,) values of the file's joints, rad, in which the tool points ahead; zeros if None.
         mount: where the base link's origin sits on the vehicle's base, m.
         mount_rpy: its roll, pitch and yaw there, rad: (π, 0, 0) hangs an upright arm below the vehicle.
@@ -112,9 +115,15 @@ def read_arm(
     zeros = _checked_zero(model, chain, zero)
     data = model.data(dict(zip(chain.joints, zeros, strict=True)) | _locked(model, locked))
     place = Placement(model, data, chain.base, np.array(mount), from_rpy(mount_rpy))
-    require_ahead(place, chain, approach, zeros)
+    require_ahead(place, chain, approach or "x", zeros)
     _check_servos(model, chain, servos or {})
     reader = _Reader(model, chain, place, zeros, {**dict.fromkeys(chain.names, servo), **(servos or {})})
+    if guessed := [name for name, said in (("tool", tool), ("approach", approach)) if said is None]:
+        where = f"its gripper sits at {model.name(chain.tool)!r} and points along the {approach or 'x'} axis of that"
+        reader.notes.append(
+            f"{where}: taken for granted, {' and '.join(f'{name}=...' for name in guessed)} would say it."
+        )
+        log.warning("%s: %s", model.source, reader.notes[-1])
     return reader.read()
 
 
