@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from aerial_il.data.folder import DEMOS, FAILURES
 from aerial_il.data.reading import Reading
 
 MADE_BY = ("task", "tier", "controller", "policy", "settings", "engine")
@@ -45,6 +44,8 @@ def info(settings: Info) -> dict[str, Any]:
 
 def remember(recorded: Collection, spec: EnvSpec) -> None:
     """Keep what is said of episodes that were just recorded, so that they need not be read for it."""
+    from aerial_il.data.folder import DEMOS, FAILURES
+
     folder, origin, known = recorded.folder, recorded.provenance, _known(recorded.folder.path / CACHE)
     rows = dict(known)
     for uid, flown in recorded.flights.items():
