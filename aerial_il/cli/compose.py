@@ -55,8 +55,9 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     given, values = list(overrides), dict[str, Any]()
     parsed = _parsed(given)
     setup_globals()  # for ${now:...}
+    place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
+    cfg = OmegaConf.create(_node(settings, base_of(settings, getattr(place, "text", place))))
     try:
-        cfg = OmegaConf.create(_node(settings, _base(settings, parsed)))
         for word, each in zip(given, parsed, strict=True):
             if each.is_sweep_override():
                 raise InvalidValueError(f"{word} are several values: add -m to sweep over them.")
@@ -150,14 +151,6 @@ def _parsed(overrides: Iterable[str]) -> list[Any]:
                 f"that the shell leaves, \"{word.partition('=')[0]}='...'\"."
             ) from error
     return parsed
-
-
-def _base(settings: type, parsed: Iterable[Any]) -> Any:
-    """Return the settings that ``from=`` names, None without it."""
-    from hydra.core.override_parser.types import QuotedString
-
-    said = {each.key_or_group: each.value() for each in parsed if each.key_or_group == FROM}
-    return base_of(settings, {key: v.text if isinstance(v, QuotedString) else v for key, v in said.items()})
 
 
 def _node(settings: type, base: Any) -> dict[str, Any]:

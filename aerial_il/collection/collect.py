@@ -40,6 +40,16 @@ from aerial_il.data.recording.writer import BusyError, EpisodeWriter
 log = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
+class Flown:
+    """One recorded flight: seed, control steps, outcome and sum of its rewards."""
+
+    seed: int
+    steps: int
+    success: bool
+    total_reward: float
+
+
 @dataclass
 class Collection:
     """What a collection brought home.
@@ -49,6 +59,7 @@ class Collection:
         demos, failures: seeds of the episodes flown now, by outcome.
         skipped: seeds that were recorded already.
         busy: seeds that another process was recording.
+        flights: uid -> each of the episodes flown now. provenance: of one of them.
         steps: control steps flown now.
         seconds: wall time.
     """
@@ -58,6 +69,8 @@ class Collection:
     failures: list[int] = field(default_factory=list)
     skipped: list[int] = field(default_factory=list)
     busy: list[int] = field(default_factory=list)
+    flights: dict[str, Flown] = field(default_factory=dict, repr=False)
+    provenance: Mapping[str, Any] = field(default_factory=dict, repr=False)
     steps: int = 0
     seconds: float = 0.0
 
@@ -124,6 +137,7 @@ def collect(
     if not mix:
         check_unmixed(folder, collector.origin.uid(seeds[0]), collector.provenance_of(seeds[0]))
     folder.keep_model(env.model_xml)
+    collector.result.provenance = collector.provenance_of(seeds[0])
     with (
         _accounted(collector, seeds, progress),
         Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
@@ -164,6 +178,7 @@ class _Collector:
         self._uids = [""] * env.num_envs
         self._seeds = np.zeros(env.num_envs, np.int64)
         self._steps = np.zeros(env.num_envs, np.int64)
+        self._returns = np.zeros(env.num_envs)
 
     def provenance_of(self, seed: int) -> dict[str, Any]:
         """Return where the episode of ``seed`` comes from."""
@@ -206,6 +221,7 @@ class _Collector:
                 if writer := self._open(uid, seed):
                     self.recorder.begin(int(world), writer)
                     self._uids[world], self._seeds[world], self._steps[world] = uid, seed, 0
+                    self._returns[world] = 0.0
                     launched[world] = True
         return launched
 
@@ -240,6 +256,7 @@ class _Collector:
         labels = self._labels(obs, actions)
         result = self.env.step(actions, flying)
         self._steps[flying] += 1
+        self._returns[flying] += result.reward[flying]
         count = self.env.num_envs
         self.recorder.act(
             action=actions,
@@ -297,8 +314,10 @@ class _Collector:
         done = [world for world, (_, file) in self._landed.items() if file.done()]
         for world in sorted(done, key=lambda world: self._landed[world][1].exception() is not None):  # errors last
             success, file = self._landed.pop(world)
-            self.written[self._uids[world]] = file.result().sha256
-            (self.result.demos if success else self.result.failures).append(int(self._seeds[world]))
+            uid, seed = self._uids[world], int(self._seeds[world])
+            self.written[uid] = file.result().sha256
+            (self.result.demos if success else self.result.failures).append(seed)
+            self.result.flights[uid] = Flown(seed, int(self._steps[world]), success, float(self._returns[world]))
             written[world] = True
         return written
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import types
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import MISSING, fields, is_dataclass, replace
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -42,8 +42,8 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         UnknownNameError: there is no such setting or choice.
         InvalidValueError: a value does not fit, or one is missing.
     """
-    if (like := base_of(kind, given)) is not None:
-        _require(kind, given, at)
+    if (like := base_of(kind, given.get(FROM))) is not None:
+        _require(kind, {*given}, at)
         return build(kind, {name: value for name, value in given.items() if name != FROM}, base=like, at=at)
     sets = getattr(kind, "PRESETS", ())
     if said := next((name for name in sets if given.get(name) is not None), None):
@@ -58,7 +58,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         before = getattr(base, name) if base is not None else default_of(known[name])
         values[name] = _value(hints[name], value, None if before is MISSING else before, f"{at}{name}")
     if base is None:
-        _require(kind, values, at)
+        _require(kind, {*values}, at)
     try:
         return replace(base, **values) if base is not None else kind(**values)  # type: ignore[type-var]
     except InvalidValueError as error:
@@ -66,17 +66,16 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         raise type(error)(f"{at if named else ''}{error}") from error
 
 
-def base_of(kind: type, given: Mapping[str, Any]) -> Any:
-    """Return the settings of the earlier work that ``from`` names, None where nothing does.
+def base_of(kind: type, place: Any) -> Any:
+    """Return the settings of the earlier work in ``place``, which ``from`` names; None where nothing does.
 
     Raises:
         InvalidValueError: there is no such work, or its settings are of another version.
     """
-    place = given.get(FROM) if hasattr(kind, "like") else None
-    return None if place is None else kind.like(os.fspath(place))  # type: ignore[attr-defined]
+    return kind.like(os.fspath(place)) if place is not None and hasattr(kind, "like") else None
 
 
-def _require(kind: type, given: Mapping[str, Any], at: str) -> None:
+def _require(kind: type, given: Container[str], at: str) -> None:
     """Refuse to go on without what has no default."""
     needed = (f.name for f in fields(kind) if f.init and default_of(f) is MISSING)
     if lacking := sorted(name for name in needed if name not in given):

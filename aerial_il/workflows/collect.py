@@ -169,11 +169,13 @@ def _outside(settings: Collect) -> None:
 def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_with: Mapping[str, Any]) -> None:
     """Fly the seeds that are missing, and close ``env``."""
     from aerial_il.collection.collect import collect as fly
+    from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.watching import watched
 
     seeds = range(settings.seed, settings.seed + settings.episodes)
     with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
-        fly(
+        recorded = fly(
             seen, policy, seeds, settings.out,
             policy_name=name, settings=flown_with, mix=settings.mix, progress=settings.progress,
         )  # fmt: skip
+        remember(recorded, env.spec)

@@ -16,7 +16,10 @@ DESCRIBED = ("uid", *MADE_BY, "seed", "steps", "seconds", "success", "return")
 CACHE = Path("cache", "info.json")  # below a folder of recordings
 
 if TYPE_CHECKING:
+    from aerial_il.collection.collect import Collection
+    from aerial_il.core.specs import EnvSpec
     from aerial_il.data.dataset import Dataset
+    from aerial_il.data.episode import Episode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,20 +42,44 @@ def info(settings: Info) -> dict[str, Any]:
     return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
 
 
+def remember(recorded: Collection, spec: EnvSpec) -> None:
+    """Keep what is said of episodes that were just recorded, so that they need not be read for it."""
+    from aerial_il.data.folder import DEMOS, FAILURES
+
+    folder, origin, known = recorded.folder, recorded.provenance, _known(recorded.folder.path / CACHE)
+    rows = dict(known)
+    for uid, flown in recorded.flights.items():
+        row = _described(uid, spec, origin, flown.seed, flown.steps, flown.success, flown.total_reward)
+        rows[uid] = _stamp(folder.file(uid, DEMOS if flown.success else FAILURES)), row
+    _write(folder.path / CACHE, known, rows)
+
+
 def _episodes(dataset: Dataset) -> list[dict[str, Any]]:
     """Describe each episode; a recording that was described before, and has not changed since, is not read again."""
-    from aerial_il.core.files import write_json
-
     cache, known = dataset.path / CACHE, _known(dataset.path / CACHE)
-    stamps = {uid: [(found := file.stat()).st_size, found.st_mtime_ns] for uid, file in dataset.files.items()}
+    stamps = {uid: _stamp(file) for uid, file in dataset.files.items()}
     rows = {uid: row for uid, (stamp, row) in known.items() if stamps.get(uid) == stamp}
     if unknown := [uid for uid in dataset.uids if uid not in rows]:
         rows |= {episode.uid: _episode(episode) for episode in dataset.only(unknown)}
-        if stamps and dataset.path.is_dir() and (known or not cache.exists()) and not cache.parent.is_symlink():
-            with suppress(OSError):  # somebody else's folder
-                cache.parent.mkdir(exist_ok=True)
-                write_json(cache, {uid: [stamp, rows[uid]] for uid, stamp in stamps.items() if uid in rows})
+        if stamps and dataset.path.is_dir():
+            _write(cache, known, {uid: (stamp, rows[uid]) for uid, stamp in stamps.items() if uid in rows})
     return [rows[uid] for uid in dataset.uids if uid in rows]
+
+
+def _stamp(file: Path) -> list[int]:
+    """Return what changes with a file: its size and the time of its last change."""
+    found = file.stat()
+    return [found.st_size, found.st_mtime_ns]
+
+
+def _write(cache: Path, known: Mapping[str, Any], rows: Mapping[str, Any]) -> None:
+    """Write what was said of each file beside its stamp, over what is known of them, if the place is ours."""
+    from aerial_il.core.files import write_json
+
+    if (known or not cache.exists()) and not cache.parent.is_symlink():
+        with suppress(OSError):  # somebody else's folder
+            cache.parent.mkdir(exist_ok=True)
+            write_json(cache, rows)
 
 
 def _known(cache: Path) -> dict[str, Any]:
@@ -91,21 +118,28 @@ def _environment(spec: Any) -> dict[str, Any]:
     }
 
 
-def _episode(episode: Any) -> dict[str, Any]:
-    origin, spec = episode.provenance, episode.spec
+def _episode(episode: Episode) -> dict[str, Any]:
+    seed = episode.provenance.get("seed")
+    flown = len(episode), bool(episode.success), float(episode.rewards.sum())
+    return _described(episode.uid, episode.spec, episode.provenance, seed, *flown)
+
+
+def _described(
+    uid: str, spec: EnvSpec, origin: Mapping[str, Any], seed: Any, steps: int, success: bool, total_reward: float
+) -> dict[str, Any]:
     from aerial_il.data.provenance import engine_of
 
     return {
-        "uid": episode.uid,
+        "uid": uid,
         "task": spec.task,
         "tier": origin.get("tier", spec.tier),
         "controller": origin.get("controller", spec.controller),
         "policy": str(origin.get("policy", "unknown")),
         "settings": " ".join(f"{key}={value}" for key, value in sorted(dict(origin.get("settings", {})).items())),
         "engine": None if spec.is_outside else engine_of(origin),
-        "seed": origin.get("seed"),
-        "steps": len(episode),
-        "seconds": round(len(episode) * episode.spec.control_dt_s, 2),
-        "success": bool(episode.success),
-        "return": round(float(episode.rewards.sum()), 2),
+        "seed": seed,
+        "steps": steps,
+        "seconds": round(steps * spec.control_dt_s, 2),
+        "success": success,
+        "return": round(total_reward, 2),
     }

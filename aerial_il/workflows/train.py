@@ -107,7 +107,7 @@ class Train:
         """run whose settings hold where nothing else is said; another policy or algorithm has its own defaults"""
         from aerial_il.workflows.parts.earlier_run import settings_of
 
-        return settings_of(run)
+        return settings_of(cls, run)
 
 
 def train(settings: Train) -> ChunkPolicy:

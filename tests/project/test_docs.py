@@ -128,7 +128,7 @@ def check(line: str) -> None:
     if name in SKIPPED or {"-h", "--help", "--version"} & {name, *words}:
         return
     command = commands.find(name)
-    said = read(command, words)
+    said = read(command, [word for word in words if not word.startswith("from=")])  # of a run that is not here
     if said.apart[SWEEPER]:
         assert space(command, said.overrides)
     elif said.sweeps:

@@ -9,6 +9,8 @@ import pytest
 
 from aerial_il.collection.collect import collect
 from aerial_il.data import dataset as opened
+from aerial_il.workflows.collect import Collect
+from aerial_il.workflows.collect import collect as record_as_typed
 from aerial_il.workflows.info import CACHE, Info, info
 from tests.data.crane import CraneBatch, CraneExpert
 
@@ -44,6 +46,20 @@ def test_only_what_changed_is_read_again(folder: Path, monkeypatch: pytest.Monke
     victim = next((folder / "demos").glob("*.mcap"))
     victim.write_bytes(victim.read_bytes())
     assert count_of_reads(folder, monkeypatch) == (first, 1)
+
+
+def test_what_was_just_recorded_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def record(episodes: int) -> None:
+        keys = {"episodes": episodes, "out": str(tmp_path / "hover"), "tier": "gusts", "horizon": 30, "progress": False}
+        record_as_typed(Collect(robot="quad", task="hover", **keys))
+
+    record(3)
+    known, read = count_of_reads(tmp_path / "hover", monkeypatch)
+    assert (len(known), read) == (3, 0)
+    (tmp_path / "hover" / CACHE).unlink()
+    assert count_of_reads(tmp_path / "hover", monkeypatch) == (known, 3), "the recordings say the same"
+    record(5)
+    assert count_of_reads(tmp_path / "hover", monkeypatch)[1] == 0
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"a": 1}', "[1, 2]"])

@@ -3,27 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from aerial_il.core.composition import build
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun, find_runs, is_run, read_run
 
-if TYPE_CHECKING:
-    from aerial_il.workflows.train import Train
 
-
-def settings_of(place: str) -> Train:
-    """Return the settings of the run in the folder ``place``, as this version reads them.
+def settings_of[S](kind: type[S], place: str) -> S:
+    """Return the settings, of this ``kind``, of the run in the folder ``place``.
 
     Raises:
         InvalidValueError: there is no run, there are several, or its settings are of another version.
     """
-    from aerial_il.workflows.train import Train
-
     _require_one(Path(place))
     try:
-        return build(Train, {"run": place, **_recorded(read_run(place))})
+        return build(kind, {"run": place, **_recorded(read_run(place))})
     except AerialError as error:
         raise InvalidValueError(
             f"from={place}: its settings do not fit this version of aerial_il. {error} Its policy can be flown; to "
