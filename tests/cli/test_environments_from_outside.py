@@ -31,6 +31,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "compare": [["policy", "policy"]],
     "convert": [["demos"]],
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
+    "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
     "recover": [["demos"]],

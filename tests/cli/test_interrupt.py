@@ -37,6 +37,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "docs": (["out=null", "site=OUT/site"], "reading sources"),
     "evaluate": (["policy=run", "episodes=5000", "num_envs=8", "out=OUT/e"], "evaluate"),
     "film": (["out=OUT/f.webp"], "%"),
+    "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
     "replay": (["demos"], "replay:"),
     "report": (["demos", "out=OUT/page.html"], ""),
