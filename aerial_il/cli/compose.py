@@ -56,7 +56,8 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
     parsed = _parsed(given)
     setup_globals()  # for ${now:...}
     place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
-    cfg = OmegaConf.create(_node(settings, base_of(settings, getattr(place, "text", place))))
+    base = base_of(settings, getattr(place, "text", place), {each.key_or_group for each in parsed})
+    cfg = OmegaConf.create(_node(settings, base))
     try:
         for word, each in zip(given, parsed, strict=True):
             if each.is_sweep_override():

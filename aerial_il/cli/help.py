@@ -47,7 +47,7 @@ def of_command(command: Command, typed: Iterable[str] = ()) -> str:
     """Return what ``aerial-il COMMAND ... --help`` prints: the keys of the command, and of what is chosen."""
     said = dict(word.split("=", 1) for word in typed if "=" in word)
     names = {name: [value] for name, value in said.items() if value[:1] not in ("{", "")}
-    there = known(command.settings, names, base=base_of(command.settings, said.get(FROM)))
+    there = known(command.settings, names, base=base_of(command.settings, said.get(FROM), said))
     choices = [key for key in there.values() if key.takes == "choice"]
     titles = {key.name: f"{key.name}={said.get(key.name, key.default)}" for key in choices}
     own = [key for key in there.values() if not any(key.name.startswith(f"{name}.") for name in titles)]

@@ -75,7 +75,7 @@ def read(command: Command, words: list[str]) -> Typed:
         raise InvalidValueError("A value has a null character, which no name and no path can have.")
     sweeps = not set(SWEEP).isdisjoint(flags)
     named = (each for each in pairs if _NAMES.fullmatch(each[1]))
-    base = base_of(command.settings, dict(pairs).get(FROM))
+    base = base_of(command.settings, dict(pairs).get(FROM), {*dict(pairs)})
     there = known(command.settings, _choices(command, named, sweeps), base=base)
     overrides = tuple(_override(_find(command, name, there), name, value, sweeps) for name, value in pairs)
     return Typed(overrides, sweeps, SHOW in flags, apart)

@@ -34,7 +34,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
 
     Args:
         kind: a dataclass; its ``PRESETS`` names keys beside its own, each of which sets several of them; where it has
-            ``like(place)``, the key ``from`` names earlier work, whose settings are the base.
+            ``like(place, typed)``, the key ``from`` names earlier work, whose settings are the base.
         given: key -> value; mappings for groups, lists for tuples, names or mappings with a name for choices.
         at: where they stand, e.g. ``algorithm.``, for errors.
 
@@ -42,7 +42,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         UnknownNameError: there is no such setting or choice.
         InvalidValueError: a value does not fit, or one is missing.
     """
-    if (like := base_of(kind, given.get(FROM))) is not None:
+    if (like := base_of(kind, given.get(FROM), {*given})) is not None:
         _require(kind, {*given}, at)
         return build(kind, {name: value for name, value in given.items() if name != FROM}, base=like, at=at)
     sets = getattr(kind, "PRESETS", ())
@@ -66,13 +66,16 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         raise type(error)(f"{at if named else ''}{error}") from error
 
 
-def base_of(kind: type, place: Any) -> Any:
+def base_of(kind: type, place: Any, typed: Container[str]) -> Any:
     """Return the settings of the earlier work in ``place``, which ``from`` names; None where nothing does.
+
+    Args:
+        typed: keys that are set beside it.
 
     Raises:
         InvalidValueError: there is no such work, or its settings are of another version.
     """
-    return kind.like(os.fspath(place)) if place is not None and hasattr(kind, "like") else None
+    return kind.like(os.fspath(place), typed) if place is not None and hasattr(kind, "like") else None
 
 
 def _require(kind: type, given: Container[str], at: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,11 +103,11 @@ class Train:
         at_least(self, seed=0, evaluate_every=0, evaluate_episodes=1, evaluate_seed=0, num_envs=1, threads=0, port=0)
 
     @classmethod
-    def like(cls, run: str) -> Train:
+    def like(cls, run: str, typed: Container[str] = ()) -> Train:
         """run whose settings hold where nothing else is said; another policy or algorithm has its own defaults"""
         from aerial_il.workflows.parts.earlier_run import settings_of
 
-        return settings_of(cls, run)
+        return settings_of(cls, run, typed)
 
 
 def train(settings: Train) -> ChunkPolicy:

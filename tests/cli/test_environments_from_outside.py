@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,6 +40,9 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "reward": [["run", "dataset=demos"]],
     "runs": [[".", "page=true", "compare=true"], ["run", "json=true"]],
     "train": [
+        ["from=run", "run=new"],
+        ["from=asked", "run=new", "dataset=demos"],
+        ["from=placed", "run=new", "dataset=demos"],
         ["dataset=demos", "run=new", *CLONE],
         ["dataset=demos", "run=rolled", *CLONE, "evaluate_every=1", "evaluate_episodes=2"],
         ["algorithm=gail", "policy=squashed_gaussian", "dataset=demos", "run=new"],
@@ -52,7 +57,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
-FLYING = [("evaluate", 0), ("evaluate", 1), ("train", 1), ("train", 2), ("view", 0)]
+FLYING = [("evaluate", 0), ("evaluate", 1), ("train", 4), ("train", 5), ("view", 0)]
 
 
 class Trap(NamedTuple):
@@ -73,6 +78,9 @@ def trap(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Trap]:
         assert main(["collect", f"env={KEY}", "policy=random", *flown, "out=demos"]) == 0
         assert (home / "imported").exists(), "what is typed may import"
         assert main(["train", "dataset=demos", "run=run", *CLONE, QUIET]) == 0
+        for place, named in (("asked", {"expert": "bait:make"}), ("placed", {"env": KEY})):
+            shutil.copytree(home / "run", home / place)
+            (home / place / "command.json").write_text(json.dumps({"settings": named}))
         (home / "policy").symlink_to(home / "run" / "policy")
         yield Trap(home, home / "imported")
     sys.modules.pop("bait", None)

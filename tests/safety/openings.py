@@ -62,6 +62,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],
         ("train", "dataset"): train,
+        ("train", "from"): [dataset, *train],
         ("train", "expert"): [dataset, "algorithm=dagger", *train],
         ("train", "run"): [dataset, *train[1:]],
         ("validate", "path"): [QUIET],

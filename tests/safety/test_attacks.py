@@ -24,7 +24,7 @@ from tests.safety.openings import beside, keys, words
 OWN = {  # kind of what is attacked, as the attack's name begins -> where it is opened first
     "policy": [("evaluate", "policy")],
     "safetensors": [("evaluate", "policy")],
-    "run": [("report", "run"), ("runs", "folder"), ("train", "run")],
+    "run": [("report", "run"), ("runs", "folder"), ("train", "run"), ("train", "from")],
     "index": [("validate", "path"), ("collect", "out")],
     "recordings": [("validate", "path"), ("collect", "out"), ("recover", "path")],
     "mcap": [("validate", "path")],

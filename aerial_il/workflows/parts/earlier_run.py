@@ -1,7 +1,8 @@
-"""The settings of an earlier training, for one that is to be like it."""
+"""The settings of an earlier training, for one that is to be like it; its folder may be anybody's."""
 
 from __future__ import annotations
 
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +11,21 @@ from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun, find_runs, is_run, read_run
 
 
-def settings_of[S](kind: type[S], place: str) -> S:
+def settings_of[S](kind: type[S], place: str, typed: Container[str]) -> S:
     """Return the settings, of this ``kind``, of the run in the folder ``place``.
 
+    Args:
+        typed: keys that the user sets beside it.
+
     Raises:
-        InvalidValueError: there is no run, there are several, or its settings are of another version.
+        InvalidValueError: there is no run, there are several, its settings are of another version, or name code that
+            the user has not typed.
     """
     _require_one(Path(place))
+    recorded = _recorded(read_run(place))
+    _require_no_code(place, {name: value for name, value in recorded.items() if name not in typed})
     try:
-        return build(kind, {"run": place, **_recorded(read_run(place))})
+        return build(kind, {"run": place, **recorded})
     except AerialError as error:
         raise InvalidValueError(
             f"from={place}: its settings do not fit this version of aerial_il. {error} Its policy can be flown; to "
@@ -37,18 +44,34 @@ def _require_one(place: Path) -> None:
     raise InvalidValueError(f"from={place} {why}. To see what runs there are: aerial-il runs FOLDER")
 
 
+def _require_no_code(place: str, recorded: Mapping[str, Any]) -> None:
+    for name, parts in (("expert", 2), ("env", 3)):  # module:factory, gymnasium:module:Id
+        if len(str(recorded.get(name)).split(":")) >= parts:
+            said = f"{name}={recorded[name]}"
+            raise InvalidValueError(
+                f"from={place}: the run was trained with {said}, which names code, and files do not decide what runs. "
+                f"If you trust it, type it too: {said}"
+            )
+
+
 def _recorded(run: TrainingRun) -> dict[str, Any]:
     """Return what a run's folder says of how it was trained, as plain values.
 
     What it learned from and how it was evaluated stands beside the command; a training by an algorithm's own ``train``
     has none of that.
     """
-    algorithm = {"name": run.algorithm, **run.config.get("settings", {})}
-    learned_from = run.command.get("dataset", {})
-    dataset = {**learned_from.pop("reading", {}), **learned_from}
+    learned_from = _mapping(run, "dataset", run.command)
+    earlier = {"dataset": {**_mapping(run, "reading", learned_from), **learned_from}}
+    earlier["dataset"].pop("reading", None)
     return {
-        **run.command.get("settings", {"dataset": dataset}),
-        "seed": run.seed,
-        "algorithm": algorithm,
-        "policy": run.config.get("policy", {}),
+        **(_mapping(run, "settings", run.command) or earlier),
+        "seed": run.config.get("seed", 0),
+        "algorithm": {"name": run.algorithm, **_mapping(run, "settings", run.config)},
+        "policy": _mapping(run, "policy", run.config),
     }
+
+
+def _mapping(run: TrainingRun, name: str, content: Mapping[str, Any]) -> dict[str, Any]:
+    if not isinstance(found := content.get(name, {}), dict):
+        raise InvalidValueError(f"from={run.path}: its {name} is {str(found)[:40]!r}, and no settings by name.")
+    return found

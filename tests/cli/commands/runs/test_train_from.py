@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -129,3 +130,17 @@ def test_a_new_folder_must_be_named(
     assert "train needs run=..." in capsys.readouterr().err
     assert main(["train", "from=a", "algorithm.lr=1", "run=a", "progress=false"]) == 2
     assert "a holds another run (settings.lr: 0.002 -> 1" in capsys.readouterr().err
+
+
+def test_code_that_a_run_names_must_be_typed(
+    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(home)
+    shutil.copytree("a", "asked")
+    Path("asked", "command.json").write_text(json.dumps({"settings": {"dataset": "demos", "expert": "pilot:make"}}))
+    assert main(["train", "from=asked", "run=x", "progress=false"]) == 2
+    assert "If you trust it, type it too: expert=pilot:make" in capsys.readouterr().err
+    assert main(["train", "from=asked", "expert=null", "run=unasked", "progress=false"]) == 0
+    Path("asked", "command.json").write_text(json.dumps({"settings": ["demos"]}))
+    assert main(["train", "from=asked", "run=x"]) == 2
+    assert "from=asked: its settings is" in capsys.readouterr().err
