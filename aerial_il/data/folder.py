@@ -85,13 +85,22 @@ class DatasetFolder:
         """
         owner = self.spec()
         if owner is None:
-            claim_folder(self.path, (LOG, "*/*.mcap", "*/*.mcap.part"))
+            self.require_own()
             self.write_index(spec)
         elif differing := owner.differences(spec):
             raise InvalidValueError(
                 f"{self.path} holds {owner.robot}/{owner.task} episodes of another environment: "
                 f"{'; '.join(differing[:3])}. Choose another folder with out=PATH."
             )
+
+    def require_own(self) -> None:
+        """Refuse a folder with what was not written here.
+
+        Raises:
+            InvalidValueError: there is something of somebody else's.
+        """
+        if self.spec() is None:
+            claim_folder(self.path, (LOG, "*/*.mcap", "*/*.mcap.part"))
 
     def write_index(self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({})) -> None:
         """List all finished episodes with their SHA-256.

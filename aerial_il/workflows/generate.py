@@ -74,7 +74,7 @@ def generate(settings: Generate) -> str:
     from aerial_il.generation.generator import Generator
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
-    _check_apart(settings)
+    _check_place(settings)
     if settings.cameras:
         require_rendering(f"cameras=[{','.join(settings.cameras)}]")
     sources = _sources(settings)
@@ -135,11 +135,15 @@ def _sources(settings: Generate) -> list[Source]:
     return sources
 
 
-def _check_apart(settings: Generate) -> None:
+def _check_place(settings: Generate) -> None:
+    """Refuse to write among the sources, or among what is somebody else's, before anything is read."""
     from pathlib import Path
+
+    from aerial_il.data.folder import DatasetFolder
 
     if Path(settings.out).resolve() == Path(settings.dataset).resolve():
         raise InvalidValueError(f"out={settings.out} is where the sources are: name another folder.")
+    DatasetFolder(settings.out).require_own()
 
 
 def _advice(sources: list[Source], settings: Generate) -> str:

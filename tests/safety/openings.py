@@ -47,6 +47,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("convert", "path"): ["out=converted", QUIET],
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
+        ("generate", "dataset"): ["out=made", *FLOWN],
+        ("generate", "out"): [dataset, *FLOWN],
         ("info", "path"): [],
         ("inspect", "path"): ["save=seen.rrd"],
         ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],

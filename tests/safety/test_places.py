@@ -35,6 +35,7 @@ FOLDERS: dict[str, Words] = {
     "convert to Minari": lambda s, out: ["convert", f"path={s.dataset}", "format=minari", f"out={out}", QUIET],
     "convert for ROS": lambda s, out: ["convert", f"path={s.dataset}", "format=mcap", f"out={out}", QUIET],
     "collect": lambda s, out: ["collect", ENV, "policy=random", f"out={out}", *FLOWN],
+    "generate": lambda s, out: ["generate", f"dataset={s.dataset}", f"out={out}", "episodes=1", QUIET],
     "evaluate": lambda s, out: ["evaluate", f"policy={s.run}", ENV, f"out={out}", "videos=0", *FLOWN],
     "train": lambda s, out: ["train", f"dataset={s.dataset}", f"run={out}", *CLONE, "threads=1", QUIET],
     "pages": lambda s, out: ["docs", f"out={out}", "site=null"],
