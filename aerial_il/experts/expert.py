@@ -53,7 +53,6 @@ class Expert(ABC):
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
         self.noise, self.seed = noise, seed
-        self._wander = Perturbation(noise, seed, name="expert noise")
         self._env: HasSimulation | None = None
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
@@ -76,7 +75,7 @@ class Expert(ABC):
         self._env = env
         self.phase = np.full(env.simulation.n, UNDECIDED)
         self.timer = np.zeros(env.simulation.n, int)
-        self._wander.attach(env.simulation.n)
+        self._wander = Perturbation(env.simulation.n, self.noise, self.seed, name="expert noise")
 
     @property
     def view(self) -> View:

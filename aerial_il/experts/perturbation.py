@@ -14,14 +14,11 @@ class Perturbation:
     """An Ornstein-Uhlenbeck process for each world, a stream of its own for every episode.
 
     Args:
-        strength: 0 to 1. seed: of the streams, beside that of each episode. name: of the streams.
+        n: worlds. strength: 0 to 1. seed: of the streams, beside that of each episode. name: of the streams.
     """
 
-    def __init__(self, strength: float, seed: int, *, name: str) -> None:
+    def __init__(self, n: int, strength: float, seed: int, *, name: str) -> None:
         self.strength, self._seed, self._name = strength, seed, name
-
-    def attach(self, n: int) -> None:
-        """Begin for ``n`` worlds."""
         self._offset = np.zeros((n, 3))
         self._rngs: list[np.random.Generator | None] = [None] * n
 

@@ -77,7 +77,7 @@ class Generator:
         self._cut = [cut(source) for source in self.sources]
         names = dict.fromkeys(segment.name for segments in self._cut for segment in segments)
         self.phase_names = (TRANSIT, *names)
-        self._wander = Perturbation(noise, seed, name="generation noise")
+        self.noise = noise
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
 
@@ -97,7 +97,7 @@ class Generator:
         self._joints = {t.name: env.model.joint(t.joint).name for t in self._scene.things if t.kind == "free"}
         self._worlds: list[_World | None] = [None] * env.num_envs
         self.phase = np.zeros(env.num_envs, int)
-        self._wander.attach(env.num_envs)
+        self._wander = Perturbation(env.num_envs, self.noise, self.seed, name="generation noise")
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
