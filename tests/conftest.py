@@ -18,6 +18,7 @@ from aerial_il.core.rendering import can_render, choose_backend
 MEMORY, ROOM_BYTES = Path("/dev/shm"), 8 << 30
 
 choose_backend()
+os.environ.pop("COLUMNS", None)  # which is set where tests run abreast: tables would be as wide as that
 if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
     # Thousands of small files are flushed to the disk, up to 10 ms each; where memory is plenty they lie there.
     os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
