@@ -98,7 +98,7 @@ class Expert(ABC):
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         target, rot6d, gripper = self.command()
-        action = np.concatenate([self._led(target), rot6d, gripper[:, None]], axis=1)
+        action = np.concatenate([led(self.view.tool_pos, target), rot6d, gripper[:, None]], axis=1)
         self.expert_action = bounds.clip(action[:, : bounds.size])  # a robot without a gripper takes no opening
         if self.noise == 0.0:
             return self.expert_action
@@ -129,17 +129,17 @@ class Expert(ABC):
         """(n,) share of the perturbation from which the present phase can recover: less where force counts."""
         return np.ones(self.view.n)
 
-    def _led(self, target: np.ndarray) -> np.ndarray:
-        """Return the point on the way from the tool to ``target`` (n, 3) that is ``LEAD_M`` ahead, or the target."""
-        tool = self.view.tool_pos
-        ahead = target - tool
-        return tool + ahead * np.minimum(1.0, LEAD_M / np.maximum(length(ahead), 1e-9))[:, None]
-
     @property
     def _attached(self) -> HasSimulation:
         if self._env is None:
             raise InvalidValueError("The expert is not attached to an environment; call expert.attach(env) first.")
         return self._env
+
+
+def led(tool: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Return the points on the way from ``tool`` to ``target`` (n, 3) that are ``LEAD_M`` ahead, or the targets."""
+    ahead = target - tool
+    return tool + ahead * np.minimum(1.0, LEAD_M / np.maximum(length(ahead), 1e-9))[:, None]
 
 
 def pointing_down(yaw: np.ndarray) -> np.ndarray:

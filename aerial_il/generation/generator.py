@@ -12,11 +12,12 @@ from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.core.seeding import named_rng
-from aerial_il.experts.expert import LEAD_M, turned_towards
+from aerial_il.data.waypoints import LEVEL
+from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
 from aerial_il.generation.plan import Path, moved
 from aerial_il.generation.segments import Segment, cut
-from aerial_il.generation.source import LEVEL, Source
+from aerial_il.generation.source import Source
 from aerial_il.generation.things import Poses, Scene
 from aerial_il.suite.batch import BatchEnvironment
 
@@ -137,11 +138,10 @@ class Generator:
 
     def _on_the_way(self, i: int, world: _World) -> np.ndarray:
         """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
-        view, path = self._env.simulation.view, world.path
-        ahead = path.there[0] - view.tool_pos[i]
-        pos = view.tool_pos[i] + ahead * min(1.0, LEAD_M / max(float(np.linalg.norm(ahead)), 1e-9))
-        facing = rot6d_from_mat(path.facing)[None]
-        return np.concatenate([pos, turned_towards(view.tool_mat[i : i + 1], facing, TURN_RAD)[0], [world.opening]])
+        view, path, own = self._env.simulation.view, world.path, slice(i, i + 1)
+        pos = led(view.tool_pos[own], path.there[:1])
+        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.facing)[None], TURN_RAD)
+        return np.concatenate([pos[0], turned[0], [world.opening]])
 
     def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
         """Return by how much (3,) m a carried thing lies elsewhere in the gripper than in the source."""

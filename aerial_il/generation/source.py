@@ -11,10 +11,11 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.waypoints import LEVEL
 from aerial_il.generation.things import Poses, Scene, Thing
 from aerial_il.suite.scenario import Scenario
 
-LEVEL, GRIPPER = "ee_pose", "gripper"
+GRIPPER = "gripper"
 AHEAD_S = 0.2  # how far behind its command a tool flies, for flights whose actions command no pose
 
 

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.specs import Field
+from aerial_il.suite.physics.physics_batch import SIGNATURE
 
 Kind = Literal["placed", "free", "hinge", "slide"]
 KINDS: Mapping[int, Kind] = {
@@ -90,7 +91,7 @@ class Scene:
     @property
     def state_size(self) -> int:
         """Numbers of a full state, S."""
-        return mujoco.mj_stateSize(self.model, STATE)
+        return mujoco.mj_stateSize(self.model, SIGNATURE)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -99,7 +100,7 @@ class Scene:
 
     def _pose(self, state: np.ndarray) -> tuple[np.ndarray, ...]:
         data, joints = self._data, self._joints
-        mujoco.mj_setState(self.model, data, state, STATE)
+        mujoco.mj_setState(self.model, data, state, SIGNATURE)
         mujoco.mj_kinematics(self.model, data)
         has = joints >= 0
         positions = np.where(has, data.qpos[self.model.jnt_qposadr[joints]], 0.0)
@@ -112,9 +113,6 @@ class Scene:
             data.site_xpos[self._tool].copy(),
             data.site_xmat[self._tool].reshape(3, 3).copy(),
         )
-
-
-STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
 @dataclass(frozen=True)

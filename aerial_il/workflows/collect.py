@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import Controller, Robot, Task, Tier, at_least
+from aerial_il.workflows.parts.shards import shards_of
 
 if TYPE_CHECKING:
     from aerial_il.core.contracts import BatchEnv, Policy
-
-SHARDS = ".shards"  # below the dataset: logs of the jobs that recorded it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,14 +102,8 @@ def collect(settings: Collect) -> str:
 
 def shards(settings: Collect) -> list[tuple[tuple[str, ...], str]]:
     """Return, for each part of the seeds, the words that choose it and a folder for its log."""
-    end = settings.seed + settings.episodes
-    return [
-        (
-            (f"seed={first}", f"episodes={min(settings.shard, end - first)}", "lerobot=false", "rerun=false"),
-            f"{settings.out}/{SHARDS}/seed={first}",
-        )
-        for first in range(settings.seed, end, settings.shard)
-    ]
+    seeds = range(settings.seed, settings.seed + settings.episodes)
+    return shards_of(settings.out, seeds, settings.shard, words=("lerobot=false", "rerun=false"))
 
 
 def _in_the_suite(settings: Collect) -> None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.workflows.collect import SHARDS
 from aerial_il.workflows.parts.names import MaybeRobot, MaybeTier, at_least
+from aerial_il.workflows.parts.shards import shards_of
 
 if TYPE_CHECKING:
     from aerial_il.generation.source import Source
@@ -103,14 +103,8 @@ def generate(settings: Generate) -> str:
 
 def shards(settings: Generate) -> list[tuple[tuple[str, ...], str]]:
     """Return, for each part of the seeds, the words that choose it and a folder for its log."""
-    end = settings.seed + settings.episodes
-    return [
-        (
-            (f"seed={first}", f"episodes={min(settings.shard, end - first)}"),
-            f"{settings.out}/{SHARDS}/seed={first}",
-        )
-        for first in range(settings.seed, end, settings.shard)
-    ]
+    seeds = range(settings.seed, settings.seed + settings.episodes)
+    return shards_of(settings.out, seeds, settings.shard)
 
 
 def _sources(settings: Generate) -> list[Source]:

@@ -15,18 +15,16 @@ from typing import Any, ClassVar
 
 import aerial_il
 from aerial_il.algorithms.bc import BC
-from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import wilson
-from aerial_il.generation.generator import Generator
-from aerial_il.generation.source import read_sources
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks as registered
+from aerial_il.workflows.generate import Generate, generate
 from experiments.common.demonstrations import Source, collections
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
@@ -192,22 +190,19 @@ NOTES = (
 
 
 def generated(stages: Stages, source: Source, robot: str, tier: str, count: int, noise: float) -> Dataset:
-    """Return ``count`` flights that were generated out of the first flight of a source, flying what is missing."""
+    """Return ``count`` flights out of the first of a source, as the command generates them, flying what is missing."""
     decided_by = {"source": source.decided_by(), "robot": robot, "tier": tier, "noise": noise}
     place = stages.record.place("datasets", f"generated/{robot}-{source.task}-{tier}/{source.draw}", decided_by)
     stages.places.setdefault("datasets", {})[place] = None
     folder, first = DatasetFolder(place), GENERATION_SEED + SEEDS_PER_DRAW * source.draw
     if len(folder.files(DEMOS)) + len(folder.files(FAILURES)) < count:
-        sources = read_sources(stages.demonstrations(source, 1))
-        env = stages.environment(replace(source, robot=robot), tier, min(stages.num_envs, count))
-        try:
-            policy, made_of = Generator(sources, noise=noise), {"sources": [s.uid for s in sources], "noise": noise}
-            collect(
-                env, policy, range(first, first + count), place, policy_name="generated", settings=made_of,
-                longest=min(3 * len(sources[0]) + 250, env.spec.max_steps), progress=stages.progress,
-            )  # fmt: skip
-        finally:
-            env.close()
+        generate(
+            Generate(
+                dataset=str(stages.demonstrations(source, 1).path), sources=1, out=str(place), robot=robot, tier=tier,
+                episodes=count, seed=first, noise=noise, num_envs=stages.num_envs, threads=stages.threads,
+                progress=stages.progress,
+            )
+        )  # fmt: skip
     return aerial_il.open_dataset(str(place))
 
 
