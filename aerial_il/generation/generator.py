@@ -17,6 +17,7 @@ from aerial_il.data.waypoints import LEVEL
 from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
 from aerial_il.generation.plan import Path, moved
+from aerial_il.generation.reach import beyond
 from aerial_il.generation.segments import Segment, cut
 from aerial_il.generation.source import Source
 from aerial_il.generation.things import Poses, Scene
@@ -124,6 +125,16 @@ class Generator:
         action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
         return bounds.clip(action)
 
+    def beyond(self) -> list[str | None]:
+        """Say of each world, as an episode begins there, why its flight is beyond the robot, or None if it is not."""
+        states = self._env.get_state()
+        return [self._beyond(int(self._env.seeds[i]), states[i]) for i in range(self._env.num_envs)]
+
+    def _beyond(self, seed: int, state: np.ndarray) -> str | None:
+        now, robot = self._scene.at(state[None]), self._env.simulation.view.robot
+        paths = (self._moved(segment, now) for segment in self._cut[self._chosen(seed, now)])
+        return next((why for path in paths if (why := beyond(robot, self._spec.action, path))), None)
+
     def made_of(self, world: int) -> dict[str, Any]:
         """Return the source of the flight of a world, and the segments that it began, each with how it was moved."""
         flown = self._worlds[world]
@@ -156,7 +167,7 @@ class Generator:
         """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
         view, path, own = self._env.simulation.view, world.path, slice(i, i + 1)
         pos = led(view.tool_pos[own], world.way[0][None])
-        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.facing)[None], TURN_RAD)
+        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.faced[:1]), TURN_RAD)
         return np.concatenate([pos[0], turned[0], [world.opening]])
 
     def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
@@ -193,11 +204,14 @@ class Generator:
     ) -> _World:
         """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
         scene, opening = self._scene, float(segment.gripper[0])
-        k = scene.names.index(segment.name)
-        path = moved(segment, scene.things[k], k, now)
+        path = self._moved(segment, now)
         there = way(now.tool_pos[0], path.there[0], scene.boxes(state), scene.roots(segment.name, segment.carried))
         phase = self.phase_names.index(segment.name)
         return _World(left, segment, path, path.actions, phase, opening, there, [*told, _told(segment, path)])
+
+    def _moved(self, segment: Segment, now: Poses) -> Path:
+        k = self._scene.names.index(segment.name)
+        return moved(segment, self._scene.things[k], k, now)
 
     def _missed(self, segment: Segment, now: Poses) -> bool:
         """Return whether a segment should have ended with its thing in the gripper, and did not."""

@@ -22,7 +22,7 @@ class Path:
         pos: (K, 3) m, world. mat: (K, 3, 3) world from tool. gripper: (K,) opening.
         there: (K, 3) m, where the tool is expected when a command is given.
         offset: (K, 3) m, the tool from what it carries; NaN where it carries nothing.
-        facing: (3, 3) world from tool, as the tool is when the path begins.
+        faced: (K, 3, 3) world from tool, as the tool is expected.
         place: (3,) m, where its thing is then. turn: (3, 3), by which it was turned.
     """
 
@@ -31,7 +31,7 @@ class Path:
     gripper: np.ndarray
     there: np.ndarray
     offset: np.ndarray
-    facing: np.ndarray
+    faced: np.ndarray
     place: np.ndarray
     turn: np.ndarray
 
@@ -61,8 +61,8 @@ def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
         places + np.einsum("kij,kj->ki", turns, each - segment.thing_pos) for each in (segment.pos, segment.tool_pos)
     )
     offset = np.full_like(sent, np.nan) if segment.offset is None else np.einsum("kij,kj->ki", turns, segment.offset)
-    facing = turns[0] @ segment.tool_mat[0]
-    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, facing, places[0], turns[0])
+    faced = turns @ segment.tool_mat
+    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, faced, places[0], turns[0])
 
 
 def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:
