@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -27,8 +27,9 @@ from aerial_il.suite.batch import BatchEnvironment
 Select = Literal["random", "nearest"]
 TRANSIT = "transit"
 NEAR_M = 0.04  # from where a path begins, at which it does
-LATE_M, PATIENCE_STEPS = 0.02, 50  # a command waits for a tool that is farther, so many steps a segment
+PATIENCE_STEPS = 50  # that commands wait for the tool, in a segment
 TURN_RAD = 0.6  # that a tool is turned ahead on its way
+SLIP_SHARE = 0.1  # of a change in how a thing is held that is believed in a step; it shakes with the tool
 HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
 NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
 
@@ -42,7 +43,7 @@ class _World:
         phase: of it. opening: of the gripper on the way. way: points that the tool passes before it begins.
         told: for the provenance, of each segment that was begun.
         arrived: whether the tool has come. step: of the path. waited: steps in which the tool was late.
-        attempts: at this segment.
+        attempts: at this segment. aside: (3,) m, by how much what is carried lies elsewhere in the gripper.
     """
 
     left: list[Segment]
@@ -57,6 +58,7 @@ class _World:
     step: int = 0
     waited: int = 0
     attempts: int = 1
+    aside: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 class Generator:
@@ -153,14 +155,15 @@ class Generator:
         if not world.arrived:
             return self._on_the_way(i, world)
         step = min(world.step, len(world.path) - 1)
-        aside = self._slipped(i, world, step)
-        late = np.linalg.norm(tool - world.path.there[step] - aside) > LATE_M
+        seen = self._slipped(i, world, step)
+        world.aside = seen if world.step == 0 else world.aside + SLIP_SHARE * (seen - world.aside)
+        late = np.linalg.norm(tool - world.path.there[step] - world.aside) > world.path.slack[step]
         if late and world.waited < PATIENCE_STEPS:
             world.waited += 1
         else:
             world.step += 1
         action = world.actions[step].copy()
-        action[:3] += aside
+        action[:3] += world.aside
         return action
 
     def _on_the_way(self, i: int, world: _World) -> np.ndarray:

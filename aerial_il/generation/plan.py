@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +12,8 @@ from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.generation.segments import Segment
 from aerial_il.generation.things import Poses, Thing
 
+LATE_M, LATE_TO_GRIP_M = 0.02, 0.004  # a command waits for a tool that is farther; the second where fingers move
+GRIP_SHARE = 0.1  # of the opening that a gripper changes in a step when it moves
 LEAST_TRAVEL = 1e-3  # rad or m that a joint moved in the source, for its way to be scaled
 
 
@@ -37,6 +40,12 @@ class Path:
 
     def __len__(self) -> int:
         return len(self.pos)
+
+    @cached_property
+    def slack(self) -> np.ndarray:
+        """(K,) m, how far the tool may be from where it is expected before a command waits for it."""
+        moves = np.abs(np.diff(self.gripper, append=self.gripper[-1])) > GRIP_SHARE
+        return np.where(moves, LATE_TO_GRIP_M, LATE_M)
 
     @property
     def actions(self) -> np.ndarray:
