@@ -90,6 +90,12 @@ def decode_episode(path: Path, *, cameras: bool | Sequence[str] = False, states:
     return replace(episode, obs={**episode.obs, **pictures})
 
 
+def read_origin(path: Path) -> Mapping[str, Any]:
+    """Return the provenance of the episode at ``path``, of which nothing else is decoded."""
+    contents = scan(path)
+    return _noted(read_head(path, contents), read_outcome(path, contents))
+
+
 def read_head(path: Path, contents: Contents) -> Head:
     """Read the metadata that precede the messages."""
     hint = "It was not recorded by aerial_il, or by another version."
@@ -191,7 +197,7 @@ def _episode(head: Head, messages: Messages, outcome: Outcome, *, states: bool) 
     return Episode(
         uid=head.uid,
         spec=layout.spec,
-        provenance={**head.provenance, **({"note": outcome.note} if outcome.note else {})},
+        provenance=_noted(head, outcome),
         obs={name: layout.field_of(flat, name) for name in layout.spec.observation.state_names},
         actions=_array(steps["action"]),
         executed_actions=_array(steps["executed_action"]),
@@ -209,6 +215,10 @@ def _episode(head: Head, messages: Messages, outcome: Outcome, *, states: bool) 
         extras={name: _array(steps[name]) for name in layout.extras},
         extra_labels=layout.extras,
     )
+
+
+def _noted(head: Head, outcome: Outcome) -> dict[str, Any]:
+    return {**head.provenance, **({"note": outcome.note} if outcome.note else {})}
 
 
 def _array(values: np.ndarray) -> np.ndarray:
