@@ -301,12 +301,13 @@ class _Collector:
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)
         dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
-        phases = phase_of(self.policy, self.env.num_envs)
+        phases, late = phase_of(self.policy, self.env.num_envs), self._cut_off(result.truncated)
         for world in np.flatnonzero(ended).tolist():
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
             note = DROPPED if dropped[world] else ""
-            why = failure_of(success=success, crash=bool(result.terminated[world]), dropped=bool(dropped[world]))
+            ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world])}
+            why = failure_of(success=success, dropped=bool(dropped[world]), **ends)
             flown = self._flown(world, why, int(phases[world]))
             self._landed[world] = flown, self.recorder.finish(world, success=success, path=path, note=note)
 

@@ -98,8 +98,9 @@ def describe_episode(episode: Episode) -> Row:
         steps=len(episode),
         failure=failure_of(
             success=episode.success,
-            crash=bool(episode.terminated[-1]),
             dropped=episode.provenance.get("note") == DROPPED,
+            crash=bool(episode.terminated[-1]),
+            timeout=bool(episode.truncated[-1]),
         ),
         phase=phases[phase] if 0 <= phase < len(phases) else "",
         total_reward=episode.total_reward,
@@ -143,9 +144,10 @@ def describe(
     }
 
 
-def failure_of(*, success: bool, crash: bool, dropped: bool) -> str:
-    """Return why an episode failed: ``dropped``, ``crash`` or ``timeout``; nothing for a success."""
-    return "" if success else "dropped" if dropped else "crash" if crash else "timeout"
+def failure_of(*, success: bool, dropped: bool, crash: bool, timeout: bool) -> str:
+    """Return why an episode failed: ``dropped``, ``crash``, ``timeout`` or ``other``; nothing for a success."""
+    why = {"": success, "dropped": dropped, "crash": crash, "timeout": timeout, "other": True}
+    return next(name for name, holds in why.items() if holds)
 
 
 def stamp(file: Path) -> list[int]:

@@ -97,7 +97,7 @@ def merge(settings: Merge) -> Derived:
     spec = common_spec(datasets, mix=settings.mix)
     chosen = joined(datasets, progress=settings.progress)
     path = derive(settings.out, spec, chosen, {"made_by": "aerial_il", "command": "merge"}, progress=settings.progress)
-    return Derived(path=path, episodes=sum(len(each.uids) for each in chosen), of=sum(map(len, datasets)))
+    return Derived(path=path, episodes=sum(len(each.rows) for each in chosen), of=sum(map(len, datasets)))
 
 
 def split(settings: Split) -> list[Derived]:
@@ -117,10 +117,10 @@ def split(settings: Split) -> list[Derived]:
     dataset = _open(settings.dataset, settings)
     rows = read_table(dataset, progress=settings.progress)
     made, parts = [], splitting.split(rows, shares, settings.seed)
-    for name, uids in parts.items():
+    for name, chosen in parts.items():
         how = {"made_by": "aerial_il", "command": "split", "part": name, "parts": shares, "seed": settings.seed}
-        path = derive(places[name], dataset.spec, [Chosen.of(dataset, uids)], how, progress=settings.progress)
-        made.append(Derived(path=path, episodes=len(uids), of=len(rows)))
+        path = derive(places[name], dataset.spec, [Chosen(dataset, chosen)], how, progress=settings.progress)
+        made.append(Derived(path=path, episodes=len(chosen), of=len(rows)))
     return made
 
 
@@ -135,10 +135,10 @@ def filter(settings: Filter) -> Derived:
 
     check_out(settings.out, [settings.dataset])
     dataset = _open(settings.dataset, settings)
-    chosen = Chosen.of(dataset, [row["uid"] for row in select(dataset, settings.where, progress=settings.progress)])
+    chosen = Chosen(dataset, select(dataset, settings.where, progress=settings.progress))
     how = {"made_by": "aerial_il", "command": "filter", "where": settings.where}
     path = derive(settings.out, dataset.spec, [chosen], how, progress=settings.progress)
-    return Derived(path=path, episodes=len(chosen.uids), of=len(dataset))
+    return Derived(path=path, episodes=len(chosen.rows), of=len(dataset))
 
 
 def _open(path: str, reading: Reading) -> Dataset:

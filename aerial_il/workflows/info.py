@@ -52,7 +52,7 @@ def remember(recorded: Collection, spec: EnvSpec) -> None:
             "phase": flown.phase,
             "total_reward": flown.total_reward,
         }
-        row = table.describe(uid, spec, recorded.provenance | {"seed": flown.seed}, **more)
+        row = table.describe(uid, spec, {**recorded.provenance, "seed": flown.seed}, **more)
         rows.append((folder.file(uid, FAILURES if flown.failure else DEMOS), row))
     table.remember(folder.path, rows)
 

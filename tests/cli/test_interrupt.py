@@ -20,13 +20,19 @@ from tests.patience import HANG_S
 ANSWER_S = 2.0  # of the processor, from Ctrl-C on
 AT_ONCE = {
     "compare",
+    "delete",
     "doctor",
+    "filter",
     "info",
     "list",
+    "merge",
     "new",
     "recover",
+    "relabel",
     "reward",
     "runs",
+    "split",
+    "undo",
     "validate",
 }  # done before one presses
 LONG = {  # command -> what is typed, and the sign on stderr or stdout that it is at work

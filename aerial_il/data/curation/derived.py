@@ -20,30 +20,30 @@ from aerial_il.core.files import sync_folder, write_json
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.columns import COLUMNS
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, DatasetFolder, link
 from aerial_il.data.recording.writer import storing, write_episode
-from aerial_il.data.table import read_columns, write_column
+from aerial_il.data.table import Row, read_columns, remember, write_column
 
 LINEAGE, PART = "lineage.json", ".part"
 
 
 @dataclass(frozen=True)
 class Chosen:
-    """Episodes of a dataset, which was opened with all cameras and failures.
+    """Episodes of a dataset that was opened with its failures, and with pictures and states where it has no files.
 
     Attributes:
-        dataset: where they are. uids: which. names: uid -> another name for it in the new dataset.
+        dataset: where they are. rows: theirs in its table. prefix: before the new names of those that have no files.
     """
 
     dataset: Dataset
-    uids: Sequence[str]
-    names: Mapping[str, str]
+    rows: Sequence[Row]
+    prefix: str = ""
 
-    @staticmethod
-    def of(dataset: Dataset, uids: Sequence[str], *, prefix: str = "") -> Chosen:
-        """Return them; ``prefix`` comes before the names of those that are no recordings of ours."""
-        return Chosen(dataset, uids, {uid: f"{prefix}{uid}" if uid not in dataset.files else uid for uid in uids})
+    def name(self, uid: str) -> str:
+        """Return the name of an episode in the new dataset."""
+        return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
 def check_out(out: str | os.PathLike[str], sources: Sequence[str | os.PathLike[str]]) -> None:
@@ -97,13 +97,14 @@ def _build(
     if folder.spec() is None:
         shutil.rmtree(part.path, ignore_errors=True)
         digests = dict[str, str]()
-        count = sum(len(each.uids) for each in chosen)
+        count = sum(len(each.rows) for each in chosen)
         with Progress(total=count, desc=str(lineage["command"]), unit="ep", disable=not progress) as bar:
             for each in chosen:
                 known = _digests(each.dataset)
-                for uid in each.uids:
+                for uid in (row["uid"] for row in each.rows):
                     _put(part, spec, each, uid)
-                    digests |= {each.names[uid]: known[uid]} if uid in known else {}
+                    if uid in known:
+                        digests[uid] = known[uid]
                     bar.update()
         part.write_index(spec, digests)
         _write_columns(folder, chosen)
@@ -116,11 +117,14 @@ def _build(
                 os.replace(part.path / kind, folder.path / kind)
         sync_folder(folder.path)
         shutil.rmtree(part.path, ignore_errors=True)
+    rows = ({name: row[name] for name in COLUMNS} for each in chosen for row in each.rows)
+    found = ((folder.find(row["uid"]), row) for row in rows)
+    remember(folder.path, ((file, row) for file, row in found if file is not None))
 
 
 def _put(part: DatasetFolder, spec: EnvSpec, chosen: Chosen, uid: str) -> None:
     """Put one episode into a folder: its file, or where it has none, a new recording of it."""
-    source, name = chosen.dataset.files.get(uid), chosen.names[uid]
+    source, name = chosen.dataset.files.get(uid), chosen.name(uid)
     if source is None:
         episode = chosen.dataset[uid]
         origin = {**episode.provenance, "source": {"dataset": str(chosen.dataset.path), "uid": uid}}
@@ -148,7 +152,8 @@ def _write_columns(folder: DatasetFolder, chosen: Sequence[Chosen]) -> None:
     columns = dict[str, dict[str, Any]]()
     for each in chosen:
         for name, values in read_columns(each.dataset.path).items():
-            columns.setdefault(name, {}).update({each.names[uid]: values[uid] for uid in each.uids if uid in values})
+            uids = [row["uid"] for row in each.rows]
+            columns.setdefault(name, {}).update({each.name(uid): values[uid] for uid in uids if uid in values})
     for name, values in columns.items():
         with storing(folder.path / name):
             write_column(folder.path, name, values)
@@ -158,7 +163,7 @@ def _lineage(chosen: Sequence[Chosen], made: Mapping[str, Any]) -> dict[str, Any
     sources = [
         {
             "path": str(each.dataset.path),
-            "episodes": len(each.uids),
+            "episodes": len(each.rows),
             "sha256": _identity(each),
             "lineage": lineage_of(each.dataset.path),
         }
@@ -170,7 +175,7 @@ def _lineage(chosen: Sequence[Chosen], made: Mapping[str, Any]) -> dict[str, Any
 def _identity(chosen: Chosen) -> str:
     """Return what tells the chosen episodes from others: a digest of their names and of those of their files."""
     known = _digests(chosen.dataset)
-    lines = "\n".join(f"{uid} {known.get(uid, '')}" for uid in sorted(chosen.uids))
+    lines = "\n".join(f"{uid} {known.get(uid, '')}" for uid in sorted(row["uid"] for row in chosen.rows))
     return hashlib.sha256(lines.encode()).hexdigest()
 
 

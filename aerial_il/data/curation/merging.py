@@ -14,7 +14,7 @@ from aerial_il.core.specs import CONDITIONS, EnvSpec
 from aerial_il.data.curation.derived import Chosen
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.mixture import check_alike
-from aerial_il.data.table import read_table
+from aerial_il.data.table import Row, read_table
 
 SEEN = ("action.low", "action.high", "max_steps")  # of a specification that was read off the data: it grows with them
 
@@ -49,7 +49,7 @@ def joined(datasets: Sequence[Dataset], *, progress: bool) -> list[Chosen]:
     """
     held, chosen = dict[str, Path](), list[Chosen]()
     for number, dataset in enumerate(datasets):
-        uids = list[str]()
+        rows = list[Row]()
         for row in read_table(dataset, progress=progress):
             uid = row["uid"]
             file, other = dataset.files.get(uid), held.get(uid)
@@ -57,8 +57,8 @@ def joined(datasets: Sequence[Dataset], *, progress: bool) -> list[Chosen]:
                 _require_same(uid, other, file)
                 continue
             held |= {} if file is None else {uid: file}
-            uids.append(uid)
-        chosen.append(Chosen.of(dataset, uids, prefix=f"{number}-{dataset.path.stem}-"))
+            rows.append(row)
+        chosen.append(Chosen(dataset, rows, prefix=f"{number}-{dataset.path.stem}-"))
     return chosen
 
 

@@ -35,8 +35,8 @@ def read_shares(parts: Sequence[str]) -> dict[str, float]:
     return shares
 
 
-def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[str, list[str]]:
-    """Return name -> uids of its part; the same for the same episodes, shares and seed, whatever their order.
+def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[str, list[Row]]:
+    """Return name -> rows of its part; the same for the same episodes, shares and seed, whatever their order.
 
     Episodes of one kind follow each other in random order, and each goes to the part that is furthest behind its share.
 
@@ -47,10 +47,10 @@ def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[s
     ordered = sorted(rows, key=lambda row: row["uid"])
     shuffled = [ordered[i] for i in rng.permutation(len(ordered))]
     shuffled.sort(key=lambda row: [str(row[name]) for name in ALIKE])
-    parts = {name: list[str]() for name in shares}
+    parts = {name: list[Row]() for name in shares}
     for count, row in enumerate(shuffled, start=1):
         behind = max(shares, key=lambda name: shares[name] * count - len(parts[name]))
-        parts[behind].append(row["uid"])
-    if empty := [name for name, uids in parts.items() if not uids]:
+        parts[behind].append(row)
+    if empty := [name for name, part in parts.items() if not part]:
         raise InvalidValueError(f"{len(rows)} episodes are too few: none is left for {', '.join(empty)}.")
-    return {name: sorted(uids) for name, uids in parts.items()}
+    return {name: sorted(part, key=lambda row: row["uid"]) for name, part in parts.items()}
