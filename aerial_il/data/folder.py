@@ -23,7 +23,7 @@ from aerial_il.core.places import claim_folder
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording.writer import storing
 
-INDEX, LOG = "dataset.yaml", "recordings.jsonl"
+INDEX, LOG, LINEAGE = "dataset.yaml", "recordings.jsonl", "lineage.json"
 DEMOS, FAILURES, SALVAGED = "demos", "failures", "salvaged"
 KINDS = (DEMOS, FAILURES)
 
@@ -100,7 +100,7 @@ class DatasetFolder:
             InvalidValueError: there is something of somebody else's.
         """
         if self.spec() is None:
-            claim_folder(self.path, (LOG, "*/*.mcap", "*/*.mcap.part"))
+            claim_folder(self.path, (LOG, LINEAGE, "*/*.mcap", "*/*.mcap.part"))
 
     def write_index(
         self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({}), *, leaving: Collection[str] = ()

@@ -111,15 +111,15 @@ def split(settings: Split) -> list[Derived]:
     from aerial_il.data.table import read_table
 
     shares = splitting.read_shares(settings.parts)
-    places = {name: Path(settings.out) / name for name in shares}
-    for place in places.values():
-        check_out(place, [settings.dataset])
+    check_out(settings.out, [settings.dataset], [*shares])
     dataset = _open(settings.dataset, settings)
     rows = read_table(dataset, progress=settings.progress)
     made, parts = [], splitting.split(rows, shares, settings.seed)
     for name, chosen in parts.items():
         how = {"made_by": "aerial_il", "command": "split", "part": name, "parts": shares, "seed": settings.seed}
-        path = derive(places[name], dataset.spec, [Chosen(dataset, chosen)], how, progress=settings.progress)
+        path = derive(
+            Path(settings.out) / name, dataset.spec, [Chosen(dataset, chosen)], how, progress=settings.progress
+        )
         made.append(Derived(path=path, episodes=len(chosen), of=len(rows)))
     return made
 

@@ -46,13 +46,8 @@ def remember(recorded: Collection, spec: EnvSpec) -> None:
 
     folder, rows = recorded.folder, []
     for uid, flown in recorded.flights.items():
-        more = {
-            "steps": flown.steps,
-            "failure": flown.failure,
-            "phase": flown.phase,
-            "total_reward": flown.total_reward,
-        }
-        row = table.describe(uid, spec, {**recorded.provenance, "seed": flown.seed}, **more)
+        said = {name: getattr(flown, name) for name in ("steps", "failure", "phase", "total_reward")}
+        row = table.describe(uid, spec, {**recorded.provenance, "seed": flown.seed}, **said)
         rows.append((folder.file(uid, FAILURES if flown.failure else DEMOS), row))
     table.remember(folder.path, rows)
 

@@ -17,16 +17,18 @@ from typing import Any
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sync_folder, write_json
+from aerial_il.core.places import claim_folder
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.columns import COLUMNS
 from aerial_il.data.dataset import Dataset
-from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, DatasetFolder, link
+from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, LINEAGE, DatasetFolder, link
 from aerial_il.data.recording.writer import storing, write_episode
 from aerial_il.data.table import Row, read_columns, remember, write_column
 
-LINEAGE, PART = "lineage.json", ".part"
+PART = ".part"
+Place = str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
@@ -46,15 +48,22 @@ class Chosen:
         return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
-def check_out(out: str | os.PathLike[str], sources: Sequence[str | os.PathLike[str]]) -> None:
-    """Refuse a place that is one of the sources or holds what is somebody else's."""
+def check_out(
+    out: str | os.PathLike[str], sources: Sequence[str | os.PathLike[str]], parts: Sequence[str] = ()
+) -> None:
+    """Refuse a place that is one of the sources or holds what is somebody else's; ``parts`` are folders in it."""
+    if parts:
+        claim_folder(out, tuple(f"{part}/{LINEAGE}" for part in parts))
+    for part in parts:
+        check_out(Path(out) / part, sources)
     if clashing := next((s for s in sources if Path(s).resolve() == Path(out).resolve()), None):
         raise InvalidValueError(f"out={out} is where the episodes of {clashing} are: name another folder.")
-    DatasetFolder(out).require_own()
+    if not parts:
+        DatasetFolder(out).require_own()
 
 
 def derive(
-    out: str | os.PathLike[str],
+    out: Place,
     spec: EnvSpec,
     chosen: Sequence[Chosen],
     made: Mapping[str, Any],
@@ -95,6 +104,8 @@ def _build(
 ) -> None:
     part = DatasetFolder(folder.path / PART)
     if folder.spec() is None:
+        with storing(folder.path / LINEAGE):
+            write_json(folder.path / LINEAGE, lineage | {"provenance": provenance()})
         shutil.rmtree(part.path, ignore_errors=True)
         digests = dict[str, str]()
         count = sum(len(each.rows) for each in chosen)
@@ -108,8 +119,7 @@ def _build(
                     bar.update()
         part.write_index(spec, digests)
         _write_columns(folder, chosen)
-        with storing(folder.path / LINEAGE):
-            write_json(folder.path / LINEAGE, lineage | {"provenance": provenance()})
+        with storing(folder.path / INDEX):
             os.replace(part.path / INDEX, folder.path / INDEX)
     with storing(folder.path):
         for kind in KINDS:
