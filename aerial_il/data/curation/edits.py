@@ -22,7 +22,7 @@ from aerial_il.core.progress import Progress
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.curation.relabelling import Labels, relabel
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, DatasetFolder
-from aerial_il.data.recording.writer import storing
+from aerial_il.data.recording.writer import part_of, storing
 
 TRASH, NOTE = "trash", "edit.json"
 State = Literal["started", "done", "undoing"]
@@ -180,6 +180,8 @@ class Edits:
                         f"{home} was recorded anew since {kept} was deleted: move one of them away."
                     )
                 _move(kept, home)
+            if moved.to is not None:
+                part_of(self.folder.file(uid, DEMOS)).unlink(missing_ok=True)
             if moved.to not in (None, moved.kind):
                 self.folder.file(uid, str(moved.to)).unlink(missing_ok=True)
         self._sync(place)

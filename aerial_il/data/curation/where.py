@@ -16,7 +16,7 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
-LONGEST = 2000  # characters
+LONGEST, DEEPEST = 2000, 50  # characters; parts within parts
 EXAMPLE = "For example: where=\"success and seconds < 12 and operator == 'ana'\""
 ALIASES = {"length_s": "seconds", "length": "steps", "total_reward": "return"}
 CONSTANTS = {"true": True, "false": False, "null": None}
@@ -62,11 +62,12 @@ class Where:
         named = _RETURN.sub(lambda found: "total_reward" if found[0] == "return" else found[0], text)
         try:
             tree = ast.parse(named.strip(), mode="eval").body
+            _check_depth(tree)
             for node in ast.walk(tree):
                 _check(text, node)
+        except InvalidValueError:
+            raise
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-            if isinstance(error, InvalidValueError):
-                raise
             raise InvalidValueError(f"where={text} cannot be read ({error}). {EXAMPLE}") from None
         return Where(text, tree)
 
@@ -116,6 +117,15 @@ class Where:
         return found
 
 
+def _check_depth(tree: ast.expr) -> None:
+    """Refuse what is nested deeper than anybody types, level by level, as recursion would end there."""
+    level: list[ast.AST] = [tree]
+    for _ in range(DEEPEST):
+        level = [inner for node in level for inner in ast.iter_child_nodes(node)]
+    if level:
+        raise ValueError(f"it is nested more than {DEEPEST} deep")
+
+
 def _check(text: str, node: ast.AST) -> None:
     """Refuse a part that is not allowed, in the words of who typed it."""
     if not isinstance(node, _PARTS) or (isinstance(node, ast.BinOp) and type(node.op) not in _ARITHMETIC):
@@ -133,8 +143,9 @@ def _check(text: str, node: ast.AST) -> None:
 def _mapping(node: ast.Subscript) -> str:
     """Return the mapping that ``settings['noise']`` looks into; that of ``drawn['wind']['mean']`` is ``drawn``."""
     inner = node.value
-    if not isinstance(node.slice, ast.Constant) or not isinstance(inner, (ast.Name, ast.Subscript)):
-        raise InvalidValueError(f"{ast.unparse(node)} is no entry of a mapping, such as settings['noise'].")
+    key = node.slice.value if isinstance(node.slice, ast.Constant) else None
+    if not isinstance(key, str) or not isinstance(inner, (ast.Name, ast.Subscript)):
+        raise InvalidValueError(f"where={ast.unparse(node)} is no entry of a mapping, such as settings['noise'].")
     return inner.id if isinstance(inner, ast.Name) else _mapping(inner)
 
 
