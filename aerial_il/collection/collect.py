@@ -25,6 +25,7 @@ from aerial_il.core.contracts import (
     begin_episodes,
     intervention_of,
     label_of,
+    made_of,
     phase_names_of,
     phase_of,
 )
@@ -308,8 +309,9 @@ class _Collector:
             note = DROPPED if dropped[world] else ""
             ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world])}
             why = failure_of(success=success, dropped=bool(dropped[world]), **ends)
-            flown = self._flown(world, why, int(phases[world]))
-            self._landed[world] = flown, self.recorder.finish(world, success=success, path=path, note=note)
+            flown, told = self._flown(world, why, int(phases[world])), made_of(self.policy, world)
+            file = self.recorder.finish(world, success=success, path=path, note=note, made_of=told)
+            self._landed[world] = flown, file
 
     def _flown(self, world: int, failure: str, phase: int) -> Flown:
         names, total_reward = self.origin.phases, float(self._returns[world])

@@ -23,6 +23,7 @@ class Path:
         there: (K, 3) m, where the tool is expected when a command is given.
         offset: (K, 3) m, the tool from what it carries; NaN where it carries nothing.
         facing: (3, 3) world from tool, as the tool is when the path begins.
+        place: (3,) m, where its thing is then. turn: (3, 3), by which it was turned.
     """
 
     pos: np.ndarray
@@ -31,6 +32,8 @@ class Path:
     there: np.ndarray
     offset: np.ndarray
     facing: np.ndarray
+    place: np.ndarray
+    turn: np.ndarray
 
     def __len__(self) -> int:
         return len(self.pos)
@@ -58,7 +61,8 @@ def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
         places + np.einsum("kij,kj->ki", turns, each - segment.thing_pos) for each in (segment.pos, segment.tool_pos)
     )
     offset = np.full_like(sent, np.nan) if segment.offset is None else np.einsum("kij,kj->ki", turns, segment.offset)
-    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, turns[0] @ segment.tool_mat[0])
+    facing = turns[0] @ segment.tool_mat[0]
+    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, facing, places[0], turns[0])
 
 
 def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:

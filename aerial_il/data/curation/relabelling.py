@@ -83,7 +83,8 @@ def relabel(source: Path, target: Path, labels: Labels, where: str, *, part: Pat
     writer = EpisodeWriter(part, layout, uid=head.uid, provenance=origin, model_xml=head.model_xml)
     success = outcome.success if labels.success is None else labels.success
     try:
-        writer.finish(messages.rows, messages.images, success=success, path=target, note=outcome.note)
+        ended = {"note": outcome.note, "made_of": outcome.made_of}
+        writer.finish(messages.rows, messages.images, success=success, path=target, **ended)
     except BaseException:
         writer.discard()
         raise
