@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from aerial_il.core.errors import InvalidValueError
 
 if TYPE_CHECKING:
     from aerial_il.data.curation.edits import Edit, Edits
@@ -81,10 +85,7 @@ def relabel(settings: Relabel) -> Edit:
     Raises:
         InvalidValueError: nothing is given, or an operator to what no person flew; and as :func:`delete`.
     """
-    from aerial_il.data.curation.relabelling import Labels
-
-    given = {name: getattr(settings, name) for name in ("success", "operator", "instruction", "tag")}
-    return _edit(settings, Labels(**given))
+    return _edit(settings, _labels(settings))
 
 
 def undo(settings: Undo) -> Edit:
@@ -97,10 +98,41 @@ def undo(settings: Undo) -> Edit:
         return edit
 
 
-def _edit(settings: Delete | Relabel, labels: Labels | None) -> Edit:
+def edit_marked(dataset: str, *, what: str, uids: Sequence[str] = (), labels: Mapping[str, Any] | None = None) -> str:
+    """Edit episodes that were marked on a page, and say what was done.
+
+    Args:
+        dataset: folder of recordings. what: delete, relabel or undo. uids: of the episodes. labels: to give them.
+
+    Raises:
+        InvalidValueError: ``what`` or the labels are none, or there is no such episode; and as :func:`delete`.
+    """
+    from aerial_il.core.composition import build
+
+    if what == "undo":
+        edit = undo(Undo(dataset=dataset, progress=False))
+        return f"{len(edit.episodes)} episodes are back as they were."
+    if what not in ("delete", "relabel"):
+        raise InvalidValueError(f"{what!r} is not one of delete, relabel, undo.")
+    digest = hashlib.sha256("\n".join(sorted(map(str, uids))).encode()).hexdigest()[:8]
+    asked = {"dataset": dataset, "where": f"marked on the page, {digest}", "progress": False}
+    if what == "delete":
+        return f"{len(_edit(Delete(**asked), None, uids).episodes)} episodes are in the trash."
+    settings = build(Relabel, {**(labels or {}), **asked})
+    return f"{len(_edit(settings, _labels(settings), uids).episodes)} episodes are relabelled."
+
+
+def _labels(settings: Relabel) -> Labels:
+    from aerial_il.data.curation.relabelling import Labels
+
+    return Labels(**{name: getattr(settings, name) for name in ("success", "operator", "instruction", "tag")})
+
+
+def _edit(settings: Delete | Relabel, labels: Labels | None, uids: Sequence[str] | None = None) -> Edit:
+    """Edit the episodes of ``uids``, or those for which the condition of ``settings`` holds."""
     from aerial_il.data.curation.edits import Edits
     from aerial_il.data.curation.relabelling import check_given
-    from aerial_il.data.curation.selection import select
+    from aerial_il.data.curation.selection import named, select
     from aerial_il.data.dataset import open_dataset
 
     with Edits.of(settings.dataset, progress=settings.progress) as edits:
@@ -109,7 +141,7 @@ def _edit(settings: Delete | Relabel, labels: Labels | None) -> Edit:
             if resumed.state == "done" and resumed.asked == (settings.where, labels):
                 return resumed
         dataset = open_dataset(settings.dataset, failures=True, states=False)
-        rows = select(dataset, settings.where, progress=settings.progress)
+        rows = named(dataset, uids) if uids is not None else select(dataset, settings.where, progress=settings.progress)
         if labels is not None:
             check_given(rows, labels)
         edit = edits.make([row["uid"] for row in rows], settings.where, labels)

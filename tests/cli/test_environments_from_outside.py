@@ -27,6 +27,7 @@ QUIET = "progress=false"
 SMALL = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorithm.steps=2"]
 CLONE = [*SMALL, "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]
 OPENING = {  # every command that opens a folder or a file, and the ways in which it does
+    "browse": [["demos", "out=seen.html"]],
     "collect": [["env=gymnasium:CartPole-v1", "policy=policy", "episodes=1", "out=flown"]],
     "compare": [["policy", "policy"]],
     "convert": [["demos"]],

@@ -16,7 +16,7 @@ PLAIN = {  # keys whose text is no place that is read: names, and places of the 
     "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
-    ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
+    ("browse", "out"), ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
 FLOWN = ["episodes=1", "threads=1", QUIET]
@@ -40,6 +40,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
     train = ["run=new", *CLONE, "threads=1", QUIET]
     dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
     return {
+        ("browse", "dataset"): ["out=seen.html", QUIET],
         ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
         ("collect", "expert"): ["robot=quad", "task=hover", "out=flown", *FLOWN],
         ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],

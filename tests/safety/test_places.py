@@ -17,6 +17,7 @@ from tests.safety.hostile import Sound, trace
 FLOWN = ["success=survived", "max_steps=5", "episodes=1", "threads=1", QUIET]
 Words = Callable[[Sound, Path], list[str]]
 FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and what is typed
+    "browse": (".html", lambda s, out: ["browse", f"dataset={s.dataset}", f"out={out}", QUIET]),
     "convert to robomimic": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
     "convert to d4rl": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", "format=d4rl", f"out={out}", QUIET]),
     "convert to rerun": (".rrd", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),

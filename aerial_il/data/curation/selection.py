@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import DemoError, InvalidValueError
 from aerial_il.core.progress import Progress
 from aerial_il.data.curation.where import Where
 from aerial_il.data.dataset import Dataset
@@ -41,6 +41,21 @@ def select(dataset: Dataset, where: str, *, progress: bool = False) -> list[Row]
         said = "; ".join(f"{clause.text}: {count}" for clause, count in zip(clauses, counts, strict=True))
         raise InvalidValueError(f"where={where} holds for none of {len(rows)} episodes in {dataset.path} ({said}).")
     return chosen
+
+
+def named(dataset: Dataset, uids: Collection[str]) -> list[Row]:
+    """Return the rows of the episodes of these names, at least one.
+
+    Raises:
+        DemoError: the dataset has no such episode. InvalidValueError: none is named.
+    """
+    if not uids:
+        raise InvalidValueError("No episode is marked.")
+    if unknown := sorted({*uids} - {*dataset.uids}):
+        hint = f"List them with: aerial-il info path={dataset.path}"
+        raise DemoError(dataset.path, f"has no episode {unknown[0]!r}.", hint=hint)
+    wanted = {*uids}
+    return [row for row in read_table(dataset) if row["uid"] in wanted]
 
 
 def _origin(dataset: Dataset, uid: str) -> Mapping[str, Any]:

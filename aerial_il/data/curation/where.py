@@ -16,7 +16,7 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
-LONGEST, DEEPEST = 2000, 50  # characters; parts within parts
+LONGEST, DEEPEST = 100_000, 50  # characters; parts within parts
 EXAMPLE = "For example: where=\"success and seconds < 12 and operator == 'ana'\""
 ALIASES = {"length_s": "seconds", "length": "steps", "total_reward": "return"}
 CONSTANTS = {"true": True, "false": False, "null": None}
