@@ -95,11 +95,14 @@ class BrowseServer(ThreadingHTTPServer):
 
 
 class _Handler(BaseHTTPRequestHandler):
-    server: BrowseServer
+    @property
+    def _home(self) -> BrowseServer:
+        assert isinstance(self.server, BrowseServer)
+        return self.server
 
     def do_GET(self) -> None:
         if self._may_enter() and urlsplit(self.path).path == "/":
-            page = browse_page(self.server.dataset, self.server.rows())
+            page = browse_page(self._home.dataset, self._home.rows())
             self._answer(HTTPStatus.OK, page.encode(), "text/html; charset=utf-8")
         else:
             self._answer(HTTPStatus.FORBIDDEN, b"Open the address that was printed, with its token.")
@@ -111,9 +114,9 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             asked = self._asked()
             if urlsplit(self.path).path == "/film":
-                self._answer(HTTPStatus.OK, self.server.film(str(asked["uid"])), "video/mp4")
+                self._answer(HTTPStatus.OK, self._home.film(str(asked["uid"])), "video/mp4")
             else:
-                self._answer(HTTPStatus.OK, json.dumps(self.server.edit(asked)).encode(), "application/json")
+                self._answer(HTTPStatus.OK, json.dumps(self._home.edit(asked)).encode(), "application/json")
         except (AerialError, OSError, ValueError, KeyError, TypeError) as error:
             self._answer(HTTPStatus.BAD_REQUEST, str(error).encode())
 
@@ -124,9 +127,9 @@ class _Handler(BaseHTTPRequestHandler):
         """Whether who asks knows the token, calls this machine by its own name, and is no other page."""
         parts, host = urlsplit(self.path), self.headers.get("Host", "")
         given = parse_qs(parts.query).get("token", [""])[0]
-        named = host in {f"{name}:{self.server.server_port}" for name in NAMES}
+        named = host in {f"{name}:{self._home.server_port}" for name in NAMES}
         own = self.headers.get("Origin") in (None, f"http://{host}")
-        return named and own and hmac.compare_digest(given.encode(), self.server.token.encode())
+        return named and own and hmac.compare_digest(given.encode(), self._home.token.encode())
 
     def _asked(self) -> dict[str, Any]:
         size = int(self.headers.get("Content-Length", 0))

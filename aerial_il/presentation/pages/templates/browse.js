@@ -1,7 +1,7 @@
 // A table and a scatter plot of the same rows; what is marked is edited by the server, or by a command that is shown.
 const $ = (id) => document.getElementById(id);
 const data = JSON.parse($("data").textContent), token = new URLSearchParams(location.search).get("token");
-const PAGE = 200, MARGIN = 44;
+const PAGE = 200, MARGIN = 44, TOP = 24, RIGHT = 30;
 let { columns, rows } = data, sort = { column: "uid", up: true }, brush = null, shown = PAGE;
 const marked = new Set();
 
@@ -75,23 +75,32 @@ function ranges() {
 
 function places() {
   const canvas = $("plot"), [x, y] = ranges(), width = canvas.clientWidth, height = canvas.clientHeight;
-  const w = width - MARGIN - 10, h = height - MARGIN;
+  const w = width - MARGIN - RIGHT, base = height - MARGIN, h = base - TOP;
   return {
     width, height, x, y,
-    px: (value) => MARGIN + ((value - x[0]) / (x[1] - x[0])) * w, py: (value) => h - ((value - y[0]) / (y[1] - y[0])) * h,
-    vx: (px) => x[0] + ((px - MARGIN) / w) * (x[1] - x[0]), vy: (py) => y[0] + ((h - py) / h) * (y[1] - y[0]),
+    px: (value) => MARGIN + ((value - x[0]) / (x[1] - x[0])) * w, py: (value) => base - ((value - y[0]) / (y[1] - y[0])) * h,
+    vx: (px) => x[0] + ((px - MARGIN) / w) * (x[1] - x[0]), vy: (py) => y[0] + ((base - py) / h) * (y[1] - y[0]),
   };
 }
 
+// A canvas knows no variables of the style sheet: an element is asked what they come to.
+function colour(name) {
+  const probe = document.createElement("i");
+  probe.style.color = `var(--${name})`;
+  document.body.append(probe);
+  const value = getComputedStyle(probe).color;
+  probe.remove();
+  return value;
+}
+
 function drawPlot(found) {
-  const canvas = $("plot"), place = places(), scale = devicePixelRatio || 1, style = getComputedStyle(document.body);
-  const colour = (name) => { const probe = document.createElement("i"); probe.style.color = `var(--${name})`; document.body.append(probe); const value = getComputedStyle(probe).color; probe.remove(); return value; };
-  const colours = { won: colour("good"), lost: colour("bad"), ink: colour("ink"), muted: colour("muted"), accent: colour("accent") };
+  const canvas = $("plot"), place = places(), scale = devicePixelRatio || 1;
+  const colours = Object.fromEntries(["good", "bad", "ink", "muted", "accent"].map((name) => [name, colour(name)]));
   canvas.width = place.width * scale;
   canvas.height = place.height * scale;
   const pen = canvas.getContext("2d");
   pen.scale(scale, scale);
-  pen.font = `12px ${style.fontFamily}`;
+  pen.font = "12px system-ui, sans-serif";
   pen.fillStyle = colours.muted;
   for (let i = 0; i <= 4; i++) {
     const x = place.x[0] + ((place.x[1] - place.x[0]) * i) / 4, y = place.y[0] + ((place.y[1] - place.y[0]) * i) / 4;
@@ -104,7 +113,7 @@ function drawPlot(found) {
     const x = at(row, $("across").value), y = at(row, $("up").value);
     if (typeof x !== "number" || typeof y !== "number") continue;
     pen.globalAlpha = found.has(row) ? 0.75 : 0.12;
-    pen.fillStyle = at(row, "success") ? colours.won : colours.lost;
+    pen.fillStyle = at(row, "success") ? colours.good : colours.bad;
     pen.beginPath();
     pen.arc(place.px(x), place.py(y), 3, 0, 7);
     pen.fill();
