@@ -161,6 +161,22 @@ def test_parts_that_are_none_are_refused(parts: str, cranes: Recorded, tmp_path:
     assert not out.exists()
 
 
+def test_what_lies_where_parts_would_is_left_alone(dataset: Path, tmp_path: Path) -> None:
+    (theirs := tmp_path / "theirs").mkdir()
+    (theirs / "notes").write_text("precious")
+    for name in ("copied", "linked"):
+        (out := tmp_path / name).mkdir()
+        if name == "copied":
+            shutil.copytree(theirs, out / ".part")
+        else:
+            (out / ".part").symlink_to(theirs)
+        assert main(["filter", str(dataset), "where=success", f"out={out}", QUIET]) == 2
+        assert os.listdir(out) == [".part"]
+        assert (out / ".part" / "notes").exists()
+    assert (theirs / "notes").read_text() == "precious"
+    assert os.listdir(theirs) == ["notes"]
+
+
 @pytest.mark.slow
 def test_a_killed_merge_leaves_no_dataset_and_starts_over(cranes: Recorded, tmp_path: Path) -> None:
     one, two = cranes(0, 6), cranes(20, 3)

@@ -11,6 +11,7 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from os.path import realpath
 from pathlib import Path
 from typing import Any
 
@@ -48,15 +49,13 @@ class Chosen:
         return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
-def check_out(
-    out: str | os.PathLike[str], sources: Sequence[str | os.PathLike[str]], parts: Sequence[str] = ()
-) -> None:
+def check_out(out: Place, sources: Sequence[Place], parts: Sequence[str] = ()) -> None:
     """Refuse a place that is one of the sources or holds what is somebody else's; ``parts`` are folders in it."""
     if parts:
         claim_folder(out, tuple(f"{part}/{LINEAGE}" for part in parts))
     for part in parts:
         check_out(Path(out) / part, sources)
-    if clashing := next((s for s in sources if Path(s).resolve() == Path(out).resolve()), None):
+    if clashing := next((source for source in sources if realpath(source) == realpath(out)), None):
         raise InvalidValueError(f"out={out} is where the episodes of {clashing} are: name another folder.")
     if not parts:
         DatasetFolder(out).require_own()
@@ -103,6 +102,8 @@ def _build(
     folder: DatasetFolder, spec: EnvSpec, chosen: Sequence[Chosen], lineage: dict[str, Any], *, progress: bool
 ) -> None:
     part = DatasetFolder(folder.path / PART)
+    if part.path.is_symlink() or (part.path.exists() and not (folder.path / LINEAGE).exists()):
+        raise InvalidValueError(f"{part.path} was not written by aerial_il: choose another folder with out=PATH.")
     if folder.spec() is None:
         with storing(folder.path / LINEAGE):
             write_json(folder.path / LINEAGE, lineage | {"provenance": provenance()})
