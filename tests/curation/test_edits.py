@@ -119,6 +119,40 @@ def test_what_is_not_ours_is_not_edited(dataset: Path, tmp_path: Path, capsys: p
     assert "is a link" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"state": "other"},
+        {"labels": {"success": "yes"}},
+        {"labels": {"unknown": 1}},
+        {"episodes": {"../../precious": {"kind": "demos", "sha256": "", "to": None}}},
+        {"episodes": {"x": {"kind": "../..", "sha256": "", "to": None}}},
+        {"episodes": [1]},
+    ],
+)
+@pytest.mark.parametrize("state", ["started", "done"])
+def test_a_note_of_somebody_else_moves_nothing(
+    changed: dict, state: str, dataset: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (precious := dataset.parent / "precious.mcap").write_bytes(b"precious")
+    assert edit("delete", dataset, "where=seed == 3") == 0
+    note = dataset / "trash" / "0001" / "edit.json"
+    note.write_text(json.dumps({**json.loads(note.read_text()), "state": state, **changed}))
+    before = digests(dataset)
+    assert edit("undo", dataset) == 2
+    assert "Traceback" not in capsys.readouterr().err
+    assert precious.read_bytes() == b"precious"
+    assert {name: digest for name, digest in digests(dataset).items() if "mcap" in name}.items() <= before.items()
+
+
+def test_no_edit_goes_through_a_link(dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert edit("delete", dataset, "where=seed == 3") == 0
+    (dataset / "trash" / "0001").rename(tmp_path / "elsewhere")
+    (dataset / "trash" / "0001").symlink_to(tmp_path / "elsewhere")
+    assert edit("undo", dataset) == 2
+    assert "is a link" in capsys.readouterr().err
+
+
 def test_undo_loses_no_episode_that_was_flown_again(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
     victim = open_dataset(dataset)[0].uid
     assert edit("delete", dataset, f"where=uid == '{victim}'") == 0

@@ -71,6 +71,8 @@ class Edit:
             kinds = {kind for each in episodes.values() for kind in (each.kind, each.to) if kind is not None}
             if raw["state"] not in ("started", "done", "undoing") or not kinds <= {*KINDS}:
                 raise ValueError("its state or its folders are none")
+            if labels is not None:
+                labels.require_types()
             return Edit(int(path.parent.name), raw["state"], str(raw["where"]), labels, episodes)
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise DemoError(path, f"is no note of an edit ({error}).") from error
@@ -114,7 +116,12 @@ class Edits:
         """Return the last edit that was not taken back."""
         notes = (self.folder.path / TRASH).glob(f"*/{NOTE}")
         numbers = [int(note.parent.name) for note in notes if note.parent.name.isdecimal()]
-        return Edit.read(self._place(max(numbers)) / NOTE) if numbers else None
+        if not numbers:
+            return None
+        place = self._place(max(numbers))
+        if link := next((each for each in (place, *(place / kind for kind in KINDS)) if each.is_symlink()), None):
+            raise InvalidValueError(f"{link} is a link; nothing is moved through it.")
+        return Edit.read(place / NOTE)
 
     def finish(self) -> Edit | None:
         """Bring what a killed process left of an edit to its end; return the edit, if there was one."""

@@ -33,6 +33,11 @@ class Labels:
     def given(self) -> dict[str, Any]:
         return {name: value for name, value in asdict(self).items() if value is not None}
 
+    def require_types(self) -> None:
+        """Refuse labels that somebody else's file says and that are none."""
+        if any(not isinstance(value, bool if name == "success" else str) for name, value in self.given.items()):
+            raise ValueError(f"{self.given} are no labels")
+
     def kind(self, before: str) -> str:
         """Return the folder in which an episode belongs that was in the folder ``before``."""
         return before if self.success is None else DEMOS if self.success else FAILURES
