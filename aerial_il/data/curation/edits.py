@@ -22,6 +22,8 @@ from aerial_il.core.progress import Progress
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.curation.relabelling import Labels, relabel
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, DatasetFolder
+from aerial_il.data.recording.reader import read_head
+from aerial_il.data.recording.scan import scan
 from aerial_il.data.recording.writer import part_of, storing
 
 TRASH, NOTE = "trash", "edit.json"
@@ -201,9 +203,6 @@ class Edits:
 
     def _spec(self, edit: Edit) -> EnvSpec:
         """Return the specification of the folder, or of one of its episodes where it has no index."""
-        from aerial_il.data.recording.reader import read_head
-        from aerial_il.data.recording.scan import scan
-
         if (spec := self.folder.spec()) is not None:
             return spec
         places = (self.folder.path, self._place(edit.number))
