@@ -15,7 +15,7 @@ from aerial_il.core.schema import FROM, Key, options
 
 _ORDER = (
     "demo", "list", "view", "collect", "generate", "browse", "merge", "split", "filter", "relabel", "delete", "undo",
-    "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert",
+    "prefer", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert",
 )  # fmt: skip
 _WIDTH, _COLUMNS = 34, 120
 

@@ -27,6 +27,7 @@ AT_ONCE = {
     "list",
     "merge",
     "new",
+    "prefer",
     "recover",
     "relabel",
     "reward",

@@ -34,18 +34,19 @@ class PreferenceFile:
     """A file that preferences are added to; use it in a ``with`` block.
 
     Args:
-        path: a new file, or one of preferences, which is gone on with.
+        path: a new file, or one of preferences, which is gone on with. lengths: as of :func:`read_preferences`.
 
     Attributes:
         preferences: all that it holds.
 
     Raises:
-        InvalidValueError: the place is somebody else's. DemoError: the file is damaged. OSError: it cannot be written.
+        InvalidValueError: the place is somebody else's. DemoError: the file is damaged, or about another dataset.
+        OSError: it cannot be written.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], lengths: Mapping[str, int]) -> None:
         path = claim_file(path)
-        held = _lines(path, None) if path.exists() and path.stat().st_size else []
+        held = _lines(path, lengths) if path.exists() and path.stat().st_size else []
         self.preferences = [preference for preference, _ in held]
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = open_own(path)
