@@ -87,7 +87,7 @@ class CPL:
     preferences: str | None = None
     pairs: int = 2_500
     length: int = 64
-    judge: ScriptedJudge = ScriptedJudge(horizon_s=10.0, margin=0.01, flipped=0.0, seed=0)
+    judge: ScriptedJudge = ScriptedJudge(horizon_s=10.0, followed=0.25, margin=0.01, flipped=0.0, seed=0)
     looked_at: int = 16
     alpha: float = 0.1
     bias: float = 0.5

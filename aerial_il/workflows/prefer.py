@@ -31,6 +31,7 @@ class Prefer(Reading):
         length: steps of each segment.
         seed: of the choice of pairs.
         horizon_s: of the script: after how long success counts 1/e of success at once.
+        followed: of the script: share of what came after a segment, in place of what was to be expected then.
         margin: of the script: difference of two scores below which the segments are equal.
         flipped: of the script: share of the answers that are turned round.
         progress: show a progress bar.
@@ -43,6 +44,7 @@ class Prefer(Reading):
     length: int = 64
     seed: int = 0
     horizon_s: float = 10.0
+    followed: float = 0.25
     margin: float = 0.01
     flipped: float = 0.0
     progress: bool = True
@@ -51,7 +53,7 @@ class Prefer(Reading):
         require_choice(self, "by", By)
         require_positive(self, "pairs", "length", "horizon_s")
         require_not_negative(self, "seed", "margin")
-        require_share(self, "flipped")
+        require_share(self, "followed", "flipped")
         if Path(self.out).suffix != ".jsonl":
             raise InvalidValueError(f"out={self.out} is not a file of preferences: its name must end in .jsonl.")
 
@@ -84,7 +86,11 @@ def prefer(settings: Prefer) -> Preferred:
     lengths = {episode.uid: len(episode) for episode in episodes}
     pairs = draw_pairs(lengths, settings.pairs, length=settings.length, seed=settings.seed)
     judge = ScriptedJudge(
-        horizon_s=settings.horizon_s, margin=settings.margin, flipped=settings.flipped, seed=settings.seed
+        horizon_s=settings.horizon_s,
+        followed=settings.followed,
+        margin=settings.margin,
+        flipped=settings.flipped,
+        seed=settings.seed,
     )
     with PreferenceFile(settings.out, lengths) as file:
         for preference in judge.judge(episodes, to_judge(file, pairs)):

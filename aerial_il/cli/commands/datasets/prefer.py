@@ -1,7 +1,7 @@
 """Say which of two pieces of flight is the better one, for algorithm=cpl: a script does, or you on a page.
 
-The script prefers the segment that brought success nearer than its start promised; it uses no reward. Answers are
-appended to out=FILE.jsonl as they are given, and the same command goes on where it was stopped.
+The script prefers the segment that brought success nearer, as flights that succeed tell it; it uses no reward. Answers
+are appended to out=FILE.jsonl as they are given, and the same command goes on where it was stopped.
 
 Example: aerial-il prefer datasets/mixed pairs=2000 out=mixed.jsonl
 Example: aerial-il prefer datasets/mixed pairs=2000 flipped=0.1 out=careless.jsonl
