@@ -92,7 +92,7 @@ class Preferences:
     poor: BC = BC(steps=1_500, validation=0.0)
     poor_demos: int = 10
     robot: str = "fa_hexa_arm4"
-    tasks: tuple[str, ...] = ("pick_place", "push_slider")
+    tasks: tuple[str, ...] = ("pick_place", "insert_peg")
     demos: int = 120
     arms: tuple[str, ...] = ARMS
     draws: tuple[int, ...] = (0,)

@@ -16,7 +16,8 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
-from aerial_il.workflows.parts.browse_server import HEADERS, BrowseServer
+from aerial_il.workflows.parts.browse_server import BrowseServer
+from aerial_il.workflows.parts.local_server import HEADERS
 from tests.curation.conftest import QUIET, digests
 from tests.presentation.browser import dom_after
 from tests.presentation.outline import needs_nothing_else
