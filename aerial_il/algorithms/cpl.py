@@ -144,10 +144,13 @@ class CPL:
         check_policy(policy, demos.layout)
         flown = [*demos.kept, *demos.held_out]
         judged = self._judged(flown)
-        options = {"resume": resume, "progress": progress}
-        clone = self.cloning.train(episodes, policy, run=Path(run) / PRIOR, seed=seed, failures=True, **options)
+        place = Path(run) / PRIOR
+        clone = self.cloning.train(
+            episodes, policy, run=place, seed=seed, resume=resume, progress=progress, failures=True
+        )
         data, training = self._prepared(flown, judged, clone, seed)
-        with open_run(self, data, run, algorithm=self.name, seed=seed, evaluate=evaluate, **options) as opened:
+        options = {"evaluate": evaluate, "resume": resume, "progress": progress}
+        with open_run(self, data, run, algorithm=self.name, seed=seed, **options) as opened:
             return self._learn(opened, training) if opened else load_policy(run)
 
     def _judged(self, flown: Sequence[Episode]) -> list[Preference]:

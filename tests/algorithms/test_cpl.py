@@ -25,7 +25,7 @@ from aerial_il.policies.diffusion import Diffusion
 from aerial_il.policies.gmm import GMM
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.parts.network import PolicySettings, state_of
 from aerial_il.policies.recurrent import Recurrent
 from tests.algorithms.drift import Drift, guide
 from tests.algorithms.stateless_batch import episode_of
@@ -184,7 +184,7 @@ def test_pairs_hold_the_preferred_segment_first(mixed: list[Episode], clone: Chu
         steps = first.first + np.arange(4)
         flight = next(episode for episode in mixed if episode.uid == first.uid)
         shown = clone.interface.encode_obs(flight.flat_obs(names)[steps, None])
-        np.testing.assert_allclose(obs[:4], shown, rtol=1e-5)
+        np.testing.assert_allclose(state_of(obs)[:4], shown, rtol=1e-5)
         assert len(pairs) == 1
         assert len(actions) == len(valid) == 8
         better, worse = pairs.by_segment(torch.arange(8.0))

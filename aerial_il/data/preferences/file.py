@@ -90,7 +90,8 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
                 _check_header(tree)
                 continue
             preference = _preference(tree)
-            _check(preference, lengths)
+            if lengths is not None:
+                _check(preference, lengths)
         except (ValueError, LookupError, TypeError) as error:
             raise DemoError(path, f"line {number} cannot be used ({error}).", hint=MAKE) from error
         found.append((preference, end))
@@ -102,9 +103,9 @@ def _check_header(tree: Any) -> None:
         raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")
 
 
-def _check(preference: Preference, lengths: Mapping[str, int] | None) -> None:
+def _check(preference: Preference, lengths: Mapping[str, int]) -> None:
     """Refuse segments that no episode has."""
-    for uid, first, length in preference.pair if lengths is not None else ():
+    for uid, first, length in preference.pair:
         if uid not in lengths:
             raise InvalidValueError(f"the dataset has no episode {uid}: it was made for another one")
         if first + length > lengths[uid]:

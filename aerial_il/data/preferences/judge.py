@@ -138,5 +138,6 @@ def _fitted(states: Sequence[np.ndarray], outcomes: Sequence[np.ndarray], won: n
 
 def _solved(rows: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
     """Return the weights (F,) of ridge regression on each flight's features (N, F) and outcomes (N,), all alike."""
-    gram, moment = sum(f.T @ f / len(f) for f, _ in rows), sum(f.T @ g / len(g) for f, g in rows)
+    gram = np.sum([f.T @ f / len(f) for f, _ in rows], axis=0)
+    moment = np.sum([f.T @ g / len(g) for f, g in rows], axis=0)
     return np.linalg.solve(gram + RIDGE * len(rows) * np.eye(len(moment)), moment)
