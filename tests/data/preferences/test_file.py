@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import warnings
 from pathlib import Path
 
 import pytest
@@ -53,7 +54,9 @@ def test_cut_anywhere_it_is_gone_on_with(path: Path, tmp_path: Path) -> None:
 
 
 def test_what_was_added_survives_a_kill(tmp_path: Path) -> None:
-    child = os.fork()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads, of which this uses none
+        child = os.fork()
     if child == 0:
         with PreferenceFile(tmp_path / "said.jsonl", LENGTHS) as file:
             file.add(SAID[0])
