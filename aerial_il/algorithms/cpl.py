@@ -16,8 +16,8 @@ likelier one; ``likelihood/better`` and ``likelihood/worse``, means of log pi; `
 ``wait_share``; ``evaluate/<name>`` from closed-loop flights.
 
 Source: J. Hejna et al., "Contrastive Preference Learning: Learning from Human Feedback without RL", 2023, equations 5
-and 6, with its batch size and segments. There alpha is 0.1, lambda 0.5 and the learning rate 1e-4, of policies of single
-actions of 4 numbers, and sums are over all steps of a segment. Of chunks of 10 numbers these lose the better segments.
+and 6, with its batch size and segments. There alpha is 0.1, lambda 0.5 and the learning rate 1e-4, for policies of
+single actions of 4 numbers, and sums are over all steps of a segment; the values here are for chunks of 10 numbers.
 """
 
 from __future__ import annotations

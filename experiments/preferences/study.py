@@ -22,6 +22,7 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
+from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.data.preferences.pairs import draw_pairs
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import fisher
@@ -188,13 +189,18 @@ def mixed(stages: Stages, poor: Cloned, demos: int) -> list[Episode]:
     decided_by = {"pilot": poor.decided_by(), "first": first, "flown": count}
     place = stages.record.place("datasets", poor.label, decided_by)
     stages.places.setdefault("datasets", {})[place] = None
-    env = stages.environment(poor.source, poor.source.tier, min(stages.num_envs, count))
+    if sum(len(DatasetFolder(place).files(kind)) for kind in (DEMOS, FAILURES)) < count:
+        _fly_poorly(stages, poor, range(first, first + count), place)
+    return [*good, *aerial_il.open_dataset(str(place), failures=True)]
+
+
+def _fly_poorly(stages: Stages, poor: Cloned, seeds: range, place: Path) -> None:
+    """Record flights of the poor pilot that are missing in the folder ``place``."""
+    env = stages.environment(poor.source, poor.source.tier, min(stages.num_envs, len(seeds)))
     try:
-        pilot, seeds = stages.policy(poor), range(first, first + count)
-        collect(env, pilot, seeds, place, policy_name="poor", progress=stages.progress)
+        collect(env, stages.policy(poor), seeds, place, policy_name="poor", progress=stages.progress)
     finally:
         env.close()
-    return [*good, *aerial_il.open_dataset(str(place), failures=True)]
 
 
 def _rows(judged: Mapping[Mixed, EvaluationResult]) -> Iterator[Row]:
