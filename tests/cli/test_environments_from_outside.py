@@ -37,6 +37,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
+    "judge": [["demos"]],
     "merge": [["demos", "demos", "out=merged"]],
     "recover": [["demos"]],
     "relabel": [["demos", "where=seed == 0", "tag=first"]],

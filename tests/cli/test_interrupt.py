@@ -47,6 +47,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
     "replay": (["demos"], "replay:"),
+    "judge": (["demos"], "judge:"),
     "report": (["demos", "out=OUT/page.html"], ""),
     "teleop": (["task=reach", "out=OUT/hand", "port=0", "open=false"], "http"),
     "train": (["dataset=demos", "run=OUT/r"], "train bc"),

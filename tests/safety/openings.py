@@ -57,6 +57,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("inspect", "path"): ["save=seen.rrd"],
         ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
         ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("judge", "dataset"): [QUIET],
         ("merge", "datasets"): ["out=merged", "mix=true", QUIET],
         ("merge", "out"): [f"datasets=[{sound.dataset},{sound.dataset}]", QUIET],
         ("recover", "path"): [],

@@ -47,7 +47,7 @@ def _shares(states: np.ndarray, actions: np.ndarray) -> np.ndarray:
     if count <= max(NEIGHBOURS):
         return np.zeros(count)
     apart = [_distances(states), _distances(actions)]
-    nearest = np.partition(np.maximum(*apart), NEIGHBOURS, axis=1)
+    nearest = np.sort(np.maximum(apart[0], apart[1]), axis=1)[:, : max(NEIGHBOURS) + 1]
     share = np.zeros(count)
     for k in NEIGHBOURS:
         near = [np.sum(each < nearest[:, k : k + 1], axis=1) for each in apart]  # itself among them
