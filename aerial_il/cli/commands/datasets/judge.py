@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table
-from aerial_il.data.quality.judge import Judgement
 from aerial_il.workflows.judge import Judge, judge
+
+if TYPE_CHECKING:
+    from aerial_il.data.quality.judge import Judgement
 
 
 @dataclass(frozen=True, kw_only=True)
