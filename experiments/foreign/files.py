@@ -1,0 +1,189 @@
+"""The same flights of one arm, each time as another tool keeps them, and people's flights of a hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from shutil import copyfile
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from experiments.adroit.tasks import TASKS
+from experiments.foreign import layouts
+from experiments.foreign.arm import PERIOD_S, PICTURES, VECTOR, Flown
+
+RATE = round(1 / PERIOD_S)
+REACHED = "return:-8"
+TASK = "Reach for the point."
+ENV, SEEN = f"env=gymnasium:{VECTOR}", f"env=gymnasium:{PICTURES}"
+DOOR = TASKS["door"]
+PEOPLE = f"{DOOR.name}_human_demos.npz"
+GYM = {"env_name": VECTOR, "type": 2, "env_kwargs": {}}  # as robomimic says it of Gym's environments
+Flights = Sequence[Flown]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForeignFile:
+    """A file of others.
+
+    Attributes:
+        name: for people. form: the format. write: writes it below a folder, and returns it.
+        flown: words that its flights need, as the file does not say where they were flown. success: rule of the flights.
+        pictures: the field of pictures that it is learned from; None for numbers alone.
+    """
+
+    name: str
+    form: str
+    write: Callable[[Path], Path]
+    flown: tuple[str, ...] = ()
+    success: str = REACHED
+    pictures: str | None = None
+
+
+def of_the_arm(flights: Flights, pictured: Flights) -> list[ForeignFile]:
+    """Return the files that hold these flights; ``pictured`` are seen by a camera."""
+    return [
+        ForeignFile(name="transitions", form="npz", flown=(ENV,), write=lambda at: layouts.npz(at / "rollouts.npz", transitions(flights))),
+        ForeignFile(name="transitions without ends", form="npz", flown=(ENV,), write=lambda at: layouts.npz(at / "endless.npz", without_ends(flights))),
+        ForeignFile(name="D4RL", form="D4RL", flown=(ENV,), write=lambda at: layouts.d4rl(at / "reacher.hdf5", in_d4rl(flights))),
+        ForeignFile(name="robomimic, of its converter", form="robomimic", write=partial(_robomimic, flights)),
+        ForeignFile(name="MimicGen", form="robomimic", write=partial(_mimicgen, flights)),
+        ForeignFile(name="Minari", form="Minari", write=partial(_minari, flights)),
+        ForeignFile(name="LeRobot", form="LeRobot v3", flown=(ENV,), write=partial(_lerobot, flights)),
+        ForeignFile(name="ALOHA", form="ALOHA HDF5", flown=(ENV,), write=partial(_aloha, flights)),
+        ForeignFile(name="robomimic, pictures", form="robomimic", flown=(SEEN,), pictures="agentview_image", write=partial(_robomimic_pictures, pictured)),
+        ForeignFile(name="LeRobot, video", form="LeRobot v3", flown=(SEEN,), pictures="agentview_rgb", write=partial(_lerobot_video, pictured)),
+    ]  # fmt: skip
+
+
+def of_people(data: Path) -> list[ForeignFile]:
+    """Return people's flights as they lie in ``data``, and as D4RL keeps them."""
+    hand = {"success": "success:25", "flown": (f"env=gymnasium:{DOOR.env}",)}
+    return [
+        ForeignFile(
+            name="people's door, arrays",
+            form="npz",
+            write=lambda at: Path(copyfile(data / PEOPLE, at / PEOPLE)),
+            **hand,
+        ),
+        ForeignFile(name="people's door, D4RL", form="D4RL", write=partial(_door, data / PEOPLE), **hand),
+    ]
+
+
+def transitions(flights: Flights) -> dict[str, np.ndarray]:
+    """Return arrays under the names of ``imitation``."""
+    return {
+        "obs": np.concatenate([flight.obs["observation"][:-1] for flight in flights]),
+        "acts": np.concatenate([flight.actions for flight in flights]),
+        "next_obs": np.concatenate([flight.obs["observation"][1:] for flight in flights]),
+        "rews": np.concatenate([flight.rewards for flight in flights]),
+        "dones": np.concatenate([flight.terminated | flight.truncated for flight in flights]),
+    }
+
+
+def without_ends(flights: Flights) -> dict[str, np.ndarray]:
+    """Return what a script keeps that does not write down where an episode ends."""
+    return {name: values for name, values in transitions(flights).items() if name in ("obs", "acts", "next_obs")}
+
+
+def in_d4rl(flights: Flights) -> dict[str, np.ndarray]:
+    """Return arrays under the names of D4RL."""
+    told = transitions(flights)
+    return {
+        "observations": told["obs"],
+        "actions": told["acts"],
+        "next_observations": told["next_obs"],
+        "rewards": told["rews"],
+        "terminals": np.concatenate([flight.terminated for flight in flights]),
+        "timeouts": np.concatenate([flight.truncated for flight in flights]),
+    }
+
+
+def robomimic_demo(flight: Flown) -> dict[str, Any]:
+    """Return a demonstration as robomimic's ``convert_d4rl.py`` writes it: one field ``flat``, an end of any reason."""
+    return {
+        "obs": {"flat": flight.obs["observation"][:-1]},
+        "next_obs": {"flat": flight.obs["observation"][1:]},
+        "actions": flight.actions,
+        "rewards": flight.rewards,
+        "dones": (flight.terminated | flight.truncated).astype(np.int32),
+    }
+
+
+def _robomimic(flights: Flights, at: Path) -> Path:
+    return layouts.robomimic(at / "low_dim.hdf5", *map(robomimic_demo, flights), env=GYM)
+
+
+def _mimicgen(flights: Flights, at: Path) -> Path:
+    """As MimicGen 1.0.1 writes: neither rewards nor ends nor what was seen after an action, but how it came about."""
+    demos = [
+        {
+            "obs": {"flat": flight.obs["observation"][:-1]},
+            "actions": flight.actions,
+            "states": np.zeros((len(flight.actions), 7)),
+            "datagen_info": {"gripper_action": np.zeros((len(flight.actions), 1))},
+            "src_demo_inds": np.zeros(2, int),
+        }
+        for flight in flights
+    ]
+    return layouts.robomimic(at / "demo.hdf5", *demos, env=GYM)
+
+
+def _minari(flights: Flights, at: Path) -> Path:
+    episodes = [
+        {
+            "observations": flight.obs["observation"],
+            "actions": flight.actions,
+            "rewards": flight.rewards,
+            "terminations": flight.terminated,
+            "truncations": flight.truncated,
+        }
+        for flight in flights
+    ]
+    return layouts.minari(at / "reacher-v0", *episodes, env_spec=gymnasium.spec(VECTOR).to_json())
+
+
+def _lerobot(flights: Flights, at: Path) -> Path:
+    episodes = [{"observation.state": f.obs["observation"][:-1], "action": f.actions} for f in flights]
+    return layouts.lerobot(at / "lerobot", *episodes, fps=RATE, robot_type="reacher", task=TASK)
+
+
+def _aloha(flights: Flights, at: Path) -> Path:
+    episodes = [{"observations/qpos": f.obs["observation"][:-1], "action": f.actions} for f in flights]
+    return layouts.aloha(at / "aloha", *episodes)
+
+
+def _robomimic_pictures(flights: Flights, at: Path) -> Path:
+    demos = [
+        {"obs": {name: values[:-1] for name, values in flight.obs.items()}, "actions": flight.actions}
+        for flight in flights
+    ]
+    return layouts.robomimic(at / "image.hdf5", *demos, env={"env_name": "Reacher", "type": 1, "env_kwargs": {}})
+
+
+def _lerobot_video(flights: Flights, at: Path) -> Path:
+    episodes = [
+        {
+            "observation.state": flight.obs["joints"][:-1],
+            "observation.images.agentview": flight.obs["agentview_image"][:-1],
+            "action": flight.actions,
+        }
+        for flight in flights
+    ]
+    return layouts.lerobot(at / "lerobot_video", *episodes, fps=RATE, robot_type="reacher", task=TASK)
+
+
+def _door(file: Path, at: Path) -> Path:
+    """As D4RL keeps ``door-human``: no episode is terminal, all end by their time."""
+    with np.load(file) as arrays:
+        names = sorted({name.partition("/")[0] for name in arrays})
+        column = lambda kind: np.concatenate([arrays[f"{name}/{kind}"] for name in names])  # noqa: E731
+        lengths = [len(arrays[f"{name}/actions"]) for name in names]
+        told = {name: column(name) for name in ("observations", "actions", "rewards")}
+    ends = np.zeros(sum(lengths), bool)
+    ends[np.cumsum(lengths) - 1] = True
+    return layouts.d4rl(at / "door_human.hdf5", {**told, "terminals": np.zeros_like(ends), "timeouts": ends})
