@@ -92,4 +92,4 @@ class ReacherPictures(gymnasium.ObservationWrapper):
         return {"joints": observation[JOINTS].astype(np.float32), "agentview_image": self.env.render()}  # type: ignore[dict-item]
 
 
-gymnasium.register("ReacherPictures-v0", entry_point=ReacherPictures)
+gymnasium.register("ReacherPictures-v0", entry_point=ReacherPictures, max_episode_steps=50)

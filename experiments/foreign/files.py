@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from shutil import copyfile
 from typing import Any
 
 import gymnasium
@@ -32,7 +31,7 @@ class ForeignFile:
 
     Attributes:
         name: for people. form: the format. write: writes it below a folder, and returns it.
-        flown: words that its flights need, as the file does not say where they were flown. success: rule of the flights.
+        flown: words that its flights need, as the file does not say where. success: rule of the flights.
         pictures: the field of pictures that it is learned from; None for numbers alone.
     """
 
@@ -46,32 +45,27 @@ class ForeignFile:
 
 def of_the_arm(flights: Flights, pictured: Flights) -> list[ForeignFile]:
     """Return the files that hold these flights; ``pictured`` are seen by a camera."""
-    return [
-        ForeignFile(name="transitions", form="npz", flown=(ENV,), write=lambda at: layouts.npz(at / "rollouts.npz", transitions(flights))),
-        ForeignFile(name="transitions without ends", form="npz", flown=(ENV,), write=lambda at: layouts.npz(at / "endless.npz", without_ends(flights))),
-        ForeignFile(name="D4RL", form="D4RL", flown=(ENV,), write=lambda at: layouts.d4rl(at / "reacher.hdf5", in_d4rl(flights))),
-        ForeignFile(name="robomimic, of its converter", form="robomimic", write=partial(_robomimic, flights)),
-        ForeignFile(name="MimicGen", form="robomimic", write=partial(_mimicgen, flights)),
-        ForeignFile(name="Minari", form="Minari", write=partial(_minari, flights)),
-        ForeignFile(name="LeRobot", form="LeRobot v3", flown=(ENV,), write=partial(_lerobot, flights)),
-        ForeignFile(name="ALOHA", form="ALOHA HDF5", flown=(ENV,), write=partial(_aloha, flights)),
-        ForeignFile(name="robomimic, pictures", form="robomimic", flown=(SEEN,), pictures="agentview_image", write=partial(_robomimic_pictures, pictured)),
-        ForeignFile(name="LeRobot, video", form="LeRobot v3", flown=(SEEN,), pictures="agentview_rgb", write=partial(_lerobot_video, pictured)),
-    ]  # fmt: skip
+    named, typed, seen = {}, {"flown": (ENV,)}, {"flown": (SEEN,)}  # by the file, or by who types
+    kinds = [
+        ("transitions", "npz", partial(_npz, transitions(flights)), typed),
+        ("transitions without ends", "npz", partial(_npz, without_ends(flights)), typed),
+        ("D4RL", "D4RL", partial(_d4rl, flights), typed),
+        ("robomimic, of its converter", "robomimic", partial(_robomimic, flights), named),
+        ("MimicGen", "robomimic", partial(_mimicgen, flights), named),
+        ("Minari", "Minari", partial(_minari, flights), named),
+        ("LeRobot", "LeRobot v3", partial(_lerobot, flights), typed),
+        ("ALOHA", "ALOHA HDF5", partial(_aloha, flights), typed),
+        ("robomimic, pictures", "robomimic", partial(_seen, pictured), {**seen, "pictures": "agentview_image"}),
+        ("LeRobot, video", "LeRobot v3", partial(_filmed, pictured), {**seen, "pictures": "agentview_rgb"}),
+    ]
+    return [ForeignFile(name=name, form=form, write=write, **more) for name, form, write, more in kinds]
 
 
 def of_people(data: Path) -> list[ForeignFile]:
-    """Return people's flights as they lie in ``data``, and as D4RL keeps them."""
-    hand = {"success": "success:25", "flown": (f"env=gymnasium:{DOOR.env}",)}
-    return [
-        ForeignFile(
-            name="people's door, arrays",
-            form="npz",
-            write=lambda at: Path(copyfile(data / PEOPLE, at / PEOPLE)),
-            **hand,
-        ),
-        ForeignFile(name="people's door, D4RL", form="D4RL", write=partial(_door, data / PEOPLE), **hand),
-    ]
+    """Return people's flights of ``data`` as D4RL keeps them."""
+    where = (f"env=gymnasium:{DOOR.env}",)
+    door = partial(_door, data / PEOPLE)
+    return [ForeignFile(name="people's door", form="D4RL", write=door, flown=where, success="success:25")]
 
 
 def transitions(flights: Flights) -> dict[str, np.ndarray]:
@@ -90,10 +84,13 @@ def without_ends(flights: Flights) -> dict[str, np.ndarray]:
     return {name: values for name, values in transitions(flights).items() if name in ("obs", "acts", "next_obs")}
 
 
-def in_d4rl(flights: Flights) -> dict[str, np.ndarray]:
-    """Return arrays under the names of D4RL."""
+def _npz(columns: dict[str, np.ndarray], at: Path) -> Path:
+    return layouts.npz(at / "rollouts.npz", columns)
+
+
+def _d4rl(flights: Flights, at: Path) -> Path:
     told = transitions(flights)
-    return {
+    columns = {
         "observations": told["obs"],
         "actions": told["acts"],
         "next_observations": told["next_obs"],
@@ -101,6 +98,7 @@ def in_d4rl(flights: Flights) -> dict[str, np.ndarray]:
         "terminals": np.concatenate([flight.terminated for flight in flights]),
         "timeouts": np.concatenate([flight.truncated for flight in flights]),
     }
+    return layouts.d4rl(at / "reacher.hdf5", columns)
 
 
 def robomimic_demo(flight: Flown) -> dict[str, Any]:
@@ -157,7 +155,7 @@ def _aloha(flights: Flights, at: Path) -> Path:
     return layouts.aloha(at / "aloha", *episodes)
 
 
-def _robomimic_pictures(flights: Flights, at: Path) -> Path:
+def _seen(flights: Flights, at: Path) -> Path:
     demos = [
         {"obs": {name: values[:-1] for name, values in flight.obs.items()}, "actions": flight.actions}
         for flight in flights
@@ -165,7 +163,7 @@ def _robomimic_pictures(flights: Flights, at: Path) -> Path:
     return layouts.robomimic(at / "image.hdf5", *demos, env={"env_name": "Reacher", "type": 1, "env_kwargs": {}})
 
 
-def _lerobot_video(flights: Flights, at: Path) -> Path:
+def _filmed(flights: Flights, at: Path) -> Path:
     episodes = [
         {
             "observation.state": flight.obs["joints"][:-1],

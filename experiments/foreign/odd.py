@@ -17,8 +17,8 @@ Write = Callable[[Path], Path]
 Demo = dict[str, Any]
 
 
-def odd_files(flights: Flights) -> dict[str, Write]:
-    """Return what is odd -> what writes such a file below a folder, and returns it."""
+def odd_files(flights: Flights) -> tuple[Write, dict[str, Write]]:
+    """Return what writes a sound file below a folder, and returns it; and what is odd -> what writes such a file."""
     demos = [robomimic_demo(flight) for flight in flights]
     seen, steps, columns = demos[0]["obs"]["flat"], len(flights[0].actions), transitions(flights)
     pierced = np.where(np.arange(seen.size).reshape(seen.shape) == 123, np.nan, seen)
@@ -26,8 +26,9 @@ def odd_files(flights: Flights) -> dict[str, Write]:
     bare = [{"states": np.zeros((steps, 9)), "actions": demo["actions"]} for demo in demos]
     scored = [demo | {"rewards": np.eye(steps)[-1] * (i > 0)} for i, demo in enumerate(demos)]
     changed = lambda **changes: partial(_robomimic, [demos[0] | changes, *demos[1:]])  # noqa: E731
-    return {
-        "an episode without steps": changed(obs={"flat": seen[:0]}, next_obs={}, actions=np.zeros((0, 2)), rewards=np.zeros(0), dones=np.zeros(0)),
+    none = {"obs": {"flat": seen[:0]}, "actions": np.zeros((0, 2))}
+    return partial(_robomimic, demos), {
+        "an episode without steps": partial(_robomimic, [*demos, none]),
         "observations three rows short": changed(obs={"flat": seen[:-3]}),
         "rewards one row short": changed(rewards=np.zeros(steps - 1)),
         "a value that is not a number": changed(obs={"flat": pierced}),
@@ -39,10 +40,11 @@ def odd_files(flights: Flights) -> dict[str, Write]:
         "robosuite's raw recording, states alone": partial(_robomimic, bare),
         "actions that are choices": partial(_npz, columns | {"acts": np.zeros(len(columns["acts"]), int)}),
         "no actions": partial(_npz, {"obs": columns["obs"]}),
+        "an npz with arrays for each episode": partial(_npz, {f"ep0/{name}": each for name, each in columns.items()}),
         "pickled objects in an npz": partial(_npz, columns | {"obs": np.array([{}] * 9)}),
         "LeRobot v2.1": partial(_texts, "lerobot", {"meta/info.json": json.dumps({"codebase_version": "v2.1"})}),
         "RLDS": partial(_texts, "rlds", {"features.json": "{}", "rlds-train.tfrecord-00000-of-00001": ""}),
-        "Diffusion Policy's zarr": partial(_texts, "replay.zarr", {".zgroup": '{"zarr_format": 2}', "data/action/.zarray": "{}"}),
+        "Diffusion Policy's zarr": partial(_texts, "replay.zarr", {".zgroup": "{}", "data/action/.zarray": "{}"}),
         "a pickle": partial(_texts, "demos.pkl", {"": "x"}),
         "a table as CSV": partial(_texts, "demos.csv", {"": "x,y\n1,2\n"}),
     }  # fmt: skip

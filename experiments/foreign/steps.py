@@ -15,7 +15,10 @@ from aerial_il.core.errors import AerialError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.evaluation.result import load_result
 from experiments.common.report import Row
+from experiments.common.success import success_row
 
+NOTED = "Warning: The policy"
+SUCCESS = ("success", "episodes", "percent", "ci95_low", "ci95_high")
 ROOT = Path(__file__).parents[2]
 
 
@@ -24,17 +27,19 @@ class Said:
     """What a command answered.
 
     Attributes:
-        ok: whether it did what it was asked. seconds: wall time. lines: its words, those on stderr last.
+        ok: whether it did what it was asked. seconds: wall time. out, err: its lines.
     """
 
     ok: bool
     seconds: float
-    lines: tuple[str, ...]
+    out: tuple[str, ...]
+    err: tuple[str, ...]
 
     @property
-    def last(self) -> str:
-        """The last line that it said."""
-        return self.lines[-1].removeprefix("aerial-il: ") if self.lines else ""
+    def verdict(self) -> str:
+        """The line that it ended with, an error where it failed."""
+        lines = self.out if self.ok else self.err
+        return lines[-1].removeprefix("aerial-il: ") if lines else ""
 
 
 def call(*words: str, at: Path) -> Said:
@@ -44,39 +49,39 @@ def call(*words: str, at: Path) -> Said:
     started = time.perf_counter()
     command = [sys.executable, "-m", "aerial_il", *words]
     done = subprocess.run(command, cwd=at, env=env, capture_output=True, text=True, check=False)
-    lines = (" ".join(line.split()) for line in (done.stdout + done.stderr).splitlines())
-    return Said(done.returncode == 0, round(time.perf_counter() - started, 1), tuple(filter(None, lines)))
+    seconds = round(time.perf_counter() - started, 1)
+    return Said(done.returncode == 0, seconds, _lines(done.stdout), _lines(done.stderr))
 
 
 def opened(path: Path) -> Row:
     """Return what a file holds, and how long opening and reading it all takes; nothing where it is refused."""
     started = time.perf_counter()
     try:
-        steps = [len(episode) for episode in open_dataset(path, cameras=True, failures=True)]
+        episodes = [(len(each), each.success) for each in open_dataset(path, cameras=True, failures=True)]
     except AerialError:
-        return {"episodes": 0, "steps": 0, "opens_s": None}
-    return {"episodes": len(steps), "steps": sum(steps), "opens_s": round(time.perf_counter() - started, 2)}
+        return {"episodes": 0, "successes": 0, "steps": 0, "opens_s": None}
+    steps, successes = (sum(column) for column in zip(*episodes, strict=True))
+    seconds = round(time.perf_counter() - started, 2)
+    return {"episodes": len(episodes), "successes": successes, "steps": steps, "opens_s": seconds}
 
 
 def flight_row(judged: Path, name: str, said: Said, trained_s: float | None, told: str) -> Row:
+    """Return the row of a policy: what it was told beside its file, how it flew, and what was said of it."""
     row: Row = {"file": name, "told": told, "train_s": trained_s}
     if not said.ok:
-        none = dict.fromkeys(("success", "episodes", "percent", "ci95_low", "ci95_high", "return"))
-        return {**row, **none, "said": said.last}
+        return {**row, **dict.fromkeys((*SUCCESS, "return")), "said": said.verdict}
     result = load_result(judged)
-    low, high = (round(100 * end, 1) for end in result.success["ci95"])
-    return {
-        **row,
-        "success": result.success["count"],
-        "episodes": len(result.episodes),
-        "percent": round(100 * result.success["rate"], 1),
-        "ci95_low": low,
-        "ci95_high": high,
-        "return": round(float(np.mean([episode.return_ for episode in result.episodes])), 1),
-        "said": "",
-    }
+    flew = success_row(result)
+    mean = round(float(np.mean([episode.return_ for episode in result.episodes])), 1)
+    noted = next((line for line in said.err if line.startswith(NOTED)), "").removeprefix("Warning: ")
+    return {**row, **{key: flew[key] for key in SUCCESS}, "return": mean, "said": noted}
 
 
 def size_mb(path: Path) -> float:
+    """Return the size of a file, or of all in a folder."""
     files = [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
     return round(sum(file.stat().st_size for file in files) / 1e6, 2)
+
+
+def _lines(text: str) -> tuple[str, ...]:
+    return tuple(filter(None, (" ".join(line.split()) for line in text.splitlines())))

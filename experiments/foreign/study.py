@@ -1,16 +1,19 @@
 """Files of others: what opens, trains and flies by the shipped commands, and what is said where one of them does not.
 
 One script flies one arm, and its flights are kept as other tools keep theirs. Each file then goes the way of a user:
-``validate``, ``train`` with the shipped defaults, ``evaluate`` on reserved seeds, in processes of their own. The control
-is a policy trained on what ``collect`` recorded of the same flights. Killed at any moment, the same call goes on.
+``validate``, ``train`` with the shipped defaults, ``evaluate`` on reserved seeds, in processes of their own. The
+control is a policy trained on what ``collect`` recorded of the same flights. Killed at any moment, the same call goes
+on.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -18,17 +21,18 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
 from experiments.adroit.tasks import POLICIES
 from experiments.common.record import Record
-from experiments.common.report import Report, Row, Target, bar
+from experiments.common.report import Report, Target, bar, settings_of
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.foreign.arm import flown
 from experiments.foreign.files import ENV, PEOPLE, REACHED, ForeignFile, of_people, of_the_arm
 from experiments.foreign.odd import Write, odd_files
-from experiments.foreign.steps import call, flight_row, opened, size_mb
+from experiments.foreign.steps import Said, call, flight_row, opened, size_mb
 
 PILOT = "policy=experiments.foreign.arm:pilot"
 CONTROL, SCRIPT, EXPERT = "recorded here", "the script itself", "the hand's expert itself"
 BEHIND_POINTS, ODD_FLIGHTS = 5.0, 10
-WAY = "way.json"
+FOUND, JUDGED, QUIET = "found.json", "judged", "progress=false"
+Found = dict[str, Any]
 NOTES = (
     "One script (inverse kinematics and damping, without noise) flies Gymnasium's Reacher-v5 on seeds 0 on; success is "
     "a return of -8 at least. All files of the arm hold these very flights, in the layouts that the tools document; "
@@ -38,11 +42,11 @@ NOTES = (
     "each, of the default policy and steps, 10,000; from pictures of the given number.",
     "Control: trained likewise on what `aerial-il collect` recorded of the same script and seeds. All policies are "
     "judged on the same reserved seeds; low and high: Wilson's 95 % interval.",
-    "Pictures: 84 x 84 from above, which alone show the target, beside the joints, of an environment of the study's own.",
-    "People's door: 25 demonstrations in virtual reality of AdroitHandDoor-v1 by the authors of DAPG; success is the "
-    "goal held in more than 25 of 200 steps, and the control its own expert. That a clone of 25 people's flights hardly "
-    "succeeds is no matter of files.",
-    "Odd files: ten flights with one thing wrong, and kinds of files that are not read; what `validate` says of each.",
+    "Pictures: 84 x 84 from above, which alone show the target, beside the joints, in an environment of the study.",
+    "People's door: 25 demonstrations in virtual reality of AdroitHandDoor-v1, published by the authors of DAPG; "
+    "success is the goal held in more than 25 of 200 steps. That so few make no better clone says nothing of files.",
+    "Odd files: ten flights with one thing wrong, and kinds of files that are not read. Said: the first line of "
+    "`validate` that it does not say of a sound file.",
 )
 
 
@@ -72,29 +76,49 @@ class Foreign:
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Write, open, train and fly what ``folder`` does not hold yet; see :class:`Study`."""
-        record, data = Record(folder), Path(self.data)
+        record, data, seeds = Record(folder), Path(self.data), range(self.demos)
         people = of_people(data) if (data / PEOPLE).is_file() else []
-        files = [self._recorded(), *self._of_the_arm(), *people]
-        ways = {file.name: self._way(record, file) for file in bar(files, self.name, progress)}
-        odd = [self._odd(record, what, write) for what, write in bar(list(self._odd_files()), "odd files", progress)]
-        pilots = list(self._pilots(record, data))
-        flights = [*pilots, *(way["flight"] for way in ways.values())]
-        missing = (
-            () if people else (f"{self.data} has no {PEOPLE}: people's flights were skipped (bench.data=FOLDER).",)
-        )
+        arm = of_the_arm(list(flown(seeds)), list(flown(seeds, pictures=True)))
+        files = bar([self._recorded(), *arm, *people], self.name, progress)
+        ways = {file.name: self._once(record, "files", file.name, partial(self._way, file)) for file in files}
+        sound, kinds = odd_files(list(flown(range(ODD_FLIGHTS))))
+        usual = self._once(record, "odd", "sound", partial(_odd, "sound", sound, ()))["lines"]
+        odd = {
+            what: self._once(record, "odd", what, partial(_odd, what, write, usual))
+            for what, write in bar(kinds.items(), "odd files", progress)
+        }
+        pilots = {
+            file.name: self._once(record, "pilots", file.name, partial(self._piloted, file, policy))
+            for file, policy in _pilots(data, people)
+        }
+        missing = f"{self.data} has no {PEOPLE}: people's flights were skipped (bench.data=FOLDER)."
         return Report(
             study=self,
             targets=tuple(_targets(ways)),
-            tables={"Files": [way["file"] for way in ways.values()], "Flights": flights, "Odd files": odd},
-            notes=(*NOTES, *missing, *record.notes()),
+            tables={
+                "Files": [way["file"] for way in ways.values()],
+                "Flights": [way["flight"] for way in (*pilots.values(), *ways.values())],
+                "Odd files": [found["row"] for found in odd.values()],
+            },
+            notes=(*NOTES, *(() if people else (missing,)), *record.notes()),
             details={"said": {name: way["said"] for name, way in ways.items()}},
-            wall_time_s=sum(way["seconds"] for way in ways.values())
-            + sum(row.pop("seconds") for row in (*odd, *pilots)),
+            wall_time_s=sum(found["seconds"] for part in (ways, odd, pilots) for found in part.values()),
         )
+
+    def _once(self, record: Record, kind: str, name: str, find: Callable[[Path], Found]) -> Found:
+        """Return what ``find`` says in an empty folder, or what it said there before."""
+        place = record.place(kind, name, {"name": name, "settings": settings_of(self)})
+        if not (place / FOUND).exists():
+            shutil.rmtree(place / "work", ignore_errors=True)
+            (place / "work").mkdir()
+            started = time.perf_counter()
+            found = find(place / "work")
+            write_json(place / FOUND, {**found, "seconds": time.perf_counter() - started})
+        return json.loads((place / FOUND).read_text())
 
     def _recorded(self) -> ForeignFile:
         """Return the control: the same flights, as ``collect`` records them."""
-        words = ("collect", ENV, PILOT, f"success={REACHED}", f"episodes={self.demos}", "threads=1", "progress=false")
+        words = ("collect", ENV, PILOT, f"success={REACHED}", f"episodes={self.demos}", "threads=1", QUIET)
 
         def write(at: Path) -> Path:
             call(*words, "out=recorded", at=at)
@@ -102,83 +126,50 @@ class Foreign:
 
         return ForeignFile(name=CONTROL, form="recordings", write=write)
 
-    def _of_the_arm(self) -> list[ForeignFile]:
-        seeds = range(self.demos)
-        return of_the_arm(list(flown(seeds)), list(flown(seeds, pictures=True)))
-
-    def _odd_files(self) -> Iterator[tuple[str, Write]]:
-        yield from odd_files(list(flown(range(ODD_FLIGHTS)))).items()
-
-    def _flying(self, file: ForeignFile) -> list[str]:
-        judged = [f"episodes={self.episodes}", f"seed={self.first_episode}"]
-        return [f"success={file.success}", *file.flown, *judged, "threads=1", "videos=0", "progress=false"]
-
-    def _place(self, record: Record, kind: str, name: str, **settings: Any) -> Path:
-        judged = {"seeds": [self.first_episode, self.episodes]}
-        return record.place(kind, name, {"name": name, "demos": self.demos, **judged, **settings})
-
-    def _way(self, record: Record, file: ForeignFile) -> dict[str, Any]:
-        """Return how far a file comes, measured once."""
+    def _way(self, file: ForeignFile, at: Path) -> Found:
+        """Return how far a file comes."""
         told = [f"policy.images=[{file.pictures}]", f"algorithm.steps={self.picture_steps}"] if file.pictures else []
-        at = self._place(record, "files", file.name, told=told, flown=file.flown)
-        if (at / WAY).exists():
-            return json.loads((at / WAY).read_text())
-        started, path = time.perf_counter(), file.write(at)
-        held = opened(path)
-        checked = call("validate", path.name, "progress=false", at=at)
-        trained = call("train", f"dataset={path.name}", "run=run", *told, "progress=false", at=at)
-        judged = call("evaluate", "policy=run", *self._flying(file), "out=judged", at=at) if trained.ok else trained
-        flight = flight_row(at / "judged", file.name, judged, trained.seconds, " ".join((*told, *file.flown)))
-        way = {
-            "file": {
-                "file": file.name,
-                "format": file.form,
-                "size_mb": size_mb(path),
-                **held,
-                "validate": checked.last,
-            },
-            "flight": flight,
+        path = file.write(at)
+        held, checked = opened(path), call("validate", path.name, QUIET, at=at)
+        trained = call("train", f"dataset={path.name}", "run=run", *told, QUIET, at=at)
+        judged = self._judged(file, "policy=run", at) if trained.ok else trained
+        size = {"file": file.name, "format": file.form, "size_mb": size_mb(path)}
+        return {
+            "file": {**size, **held, "validate": checked.verdict},
+            "flight": flight_row(at / JUDGED, file.name, judged, trained.seconds, " ".join((*told, *file.flown))),
             "trains": trained.ok,
-            "numbers": file.pictures is None and file.success == REACHED,
-            "said": {"validate": checked.lines, "train": trained.lines, "evaluate": judged.lines},
-            "seconds": time.perf_counter() - started,
+            "like_the_control": file.pictures is None and file.success == REACHED,
+            "said": {"validate": checked.out, "train": trained.err, "evaluate": judged.err},
         }
-        write_json(at / WAY, way)
-        return way
 
-    def _pilots(self, record: Record, data: Path) -> Iterator[Row]:
-        """Yield what those fly who demonstrated."""
-        yield self._pilot(record, ForeignFile(name=SCRIPT, form="", write=Path, flown=(ENV,)), PILOT)
-        if (data / POLICIES).is_file():
-            hand, policy = of_people(data)[0], f"policy={(data / POLICIES).resolve()}"
-            yield self._pilot(
-                record, ForeignFile(name=EXPERT, form="", write=Path, flown=hand.flown, success=hand.success), policy
-            )
+    def _piloted(self, file: ForeignFile, policy: str, at: Path) -> Found:
+        """Return how the one flies who demonstrated."""
+        judged = self._judged(file, policy, at)
+        return {"flight": flight_row(at / JUDGED, file.name, judged, None, " ".join(file.flown))}
 
-    def _pilot(self, record: Record, file: ForeignFile, policy: str) -> Row:
-        at = self._place(record, "pilots", file.name, flown=file.flown)
-        if not (at / WAY).exists():
-            judged = call("evaluate", policy, *self._flying(file), "out=judged", at=at)
-            row = flight_row(at / "judged", file.name, judged, None, " ".join(file.flown))
-            write_json(at / WAY, {**row, "seconds": judged.seconds})
-        return json.loads((at / WAY).read_text())
-
-    def _odd(self, record: Record, what: str, write: Write) -> Row:
-        at = self._place(record, "odd", what)
-        if not (at / WAY).exists():
-            path = write(at)
-            checked = call("validate", path.name, "progress=false", at=at)
-            row = {
-                "what": what,
-                "episodes": opened(path)["episodes"],
-                "said": checked.lines[0],
-                "seconds": checked.seconds,
-            }
-            write_json(at / WAY, row)
-        return json.loads((at / WAY).read_text())
+    def _judged(self, file: ForeignFile, policy: str, at: Path) -> Said:
+        seeds = (f"episodes={self.episodes}", f"seed={self.first_episode}")
+        where = (f"success={file.success}", *file.flown)
+        return call("evaluate", policy, *where, *seeds, "threads=1", "videos=0", f"out={JUDGED}", QUIET, at=at)
 
 
-def _targets(ways: dict[str, dict[str, Any]]) -> Iterator[Target]:
+def _pilots(data: Path, people: Sequence[ForeignFile]) -> Iterator[tuple[ForeignFile, str]]:
+    """Yield where those fly who demonstrated, and as which policy."""
+    yield ForeignFile(name=SCRIPT, form="", write=Path, flown=(ENV,)), PILOT
+    if people and (data / POLICIES).is_file():
+        yield replace(people[0], name=EXPERT), f"policy={(data / POLICIES).resolve()}"
+
+
+def _odd(what: str, write: Write, usual: Collection[str], at: Path) -> Found:
+    """Return what is said of a file that is not said of a sound one."""
+    path = write(at)
+    checked, held = call("validate", path.name, QUIET, at=at), opened(path)
+    said = next((line for line in (*checked.out, checked.verdict) if line not in usual), "")
+    counts = {"episodes": held["episodes"], "successes": held["successes"]}
+    return {"row": {"what": what, **counts, "said": said}, "lines": checked.out}
+
+
+def _targets(ways: dict[str, Found]) -> Iterator[Target]:
     """Yield that all files come all the way, and that nothing is lost on it."""
     theirs = {name: way for name, way in ways.items() if name != CONTROL}
     stages = {
@@ -190,8 +181,8 @@ def _targets(ways: dict[str, dict[str, Any]]) -> Iterator[Target]:
         lacking = [name for name, way in theirs.items() if not holds(way)]
         yield Target(f"files that {stage}", "at least", len(theirs), len(theirs) - len(lacking), "", ", ".join(lacking))
     control = ways[CONTROL]["flight"]["percent"]
-    same = {n: w["flight"]["percent"] for n, w in theirs.items() if w["numbers"] and w["flight"]["percent"] is not None}
-    if same:
+    flew = {name: way["flight"]["percent"] for name, way in theirs.items() if way["like_the_control"]}
+    if same := {name: percent for name, percent in flew.items() if percent is not None}:
         worst = min(same, key=lambda name: same[name])
-        what = "success of a policy of the same numbers, against the control"
+        what = "success of policies of the same numbers, against the control"
         yield Target(what, "at least", -BEHIND_POINTS, round(same[worst] - control, 1), "points", f"worst: {worst}")
