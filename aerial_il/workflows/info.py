@@ -36,10 +36,12 @@ class Info(Reading):
 def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
     from aerial_il.data.dataset import open_dataset
+    from aerial_il.data.formats import name_of
 
     dataset = open_dataset(settings.path, **settings.answers, failures=True, states=False)
-    episodes = _episodes(dataset)
-    return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
+    episodes, spec = _episodes(dataset), dataset.spec
+    lies = {"path": settings.path, "format": name_of(Path(settings.path)), "foreign": spec.is_foreign}
+    return {**lies, **_environment(spec), **_composition(episodes), "episodes": episodes}
 
 
 def remember(recorded: Collection, spec: EnvSpec) -> None:
