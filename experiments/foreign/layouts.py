@@ -29,6 +29,7 @@ def robomimic(
     with h5py.File(path, "w") as file:
         data = file.create_group("data")
         data.attrs["env_args"] = json.dumps(env)
+        data.attrs["total"] = sum(len(made.get("actions", ())) for made in demos)
         for i, made in enumerate(demos):
             group = data.create_group(f"demo_{i}")
             group.attrs["num_samples"] = len(made.get("actions", ()))
