@@ -79,17 +79,16 @@ def _by_field(seen: list[Any]) -> dict[str, np.ndarray]:
 class ReacherPictures(gymnasium.ObservationWrapper):
     """The arm's joints, and a picture from above that alone shows the target."""
 
-    def __init__(self) -> None:
-        super().__init__(
-            gymnasium.make(VECTOR, render_mode="rgb_array", width=SIZE, height=SIZE, default_camera_config=FROM_ABOVE)
-        )
+    def __init__(self, **settings: Any) -> None:
+        camera = {"render_mode": "rgb_array", "width": SIZE, "height": SIZE, "default_camera_config": FROM_ABOVE}
+        super().__init__(gymnasium.make(VECTOR, **{**settings, **camera}))
         box = gymnasium.spaces.Box
         self.observation_space = gymnasium.spaces.Dict(
             joints=box(-np.inf, np.inf, (len(JOINTS),)), agentview_image=box(0, 255, (SIZE, SIZE, 3), np.uint8)
         )
 
     def observation(self, observation: np.ndarray) -> dict[str, np.ndarray]:
-        return {"joints": observation[JOINTS].astype(np.float32), "agentview_image": self.env.render()}  # type: ignore[dict-item]
+        return {"joints": observation[JOINTS].astype(np.float32), "agentview_image": np.asarray(self.env.render())}
 
 
 gymnasium.register("ReacherPictures-v0", entry_point=ReacherPictures, max_episode_steps=50)

@@ -44,7 +44,7 @@ class ForeignFile:
 
 
 def of_the_arm(flights: Flights, pictured: Flights) -> list[ForeignFile]:
-    """Return the files that hold these flights; ``pictured`` are seen by a camera."""
+    """Return the files that hold these flights, and those with pictures if there are any ``pictured`` by a camera."""
     named, typed, seen = {}, {"flown": (ENV,)}, {"flown": (SEEN,)}  # by the file, or by who types
     kinds = [
         ("transitions", "npz", partial(_npz, transitions(flights)), typed),
@@ -58,7 +58,8 @@ def of_the_arm(flights: Flights, pictured: Flights) -> list[ForeignFile]:
         ("robomimic, pictures", "robomimic", partial(_seen, pictured), {**seen, "pictures": "agentview_image"}),
         ("LeRobot, video", "LeRobot v3", partial(_filmed, pictured), {**seen, "pictures": "agentview_rgb"}),
     ]
-    return [ForeignFile(name=name, form=form, write=write, **more) for name, form, write, more in kinds]
+    files = [ForeignFile(name=name, form=form, write=write, **more) for name, form, write, more in kinds]
+    return [file for file in files if pictured or file.pictures is None]
 
 
 def of_people(data: Path) -> list[ForeignFile]:

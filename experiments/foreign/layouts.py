@@ -68,7 +68,7 @@ def d4rl(path: Path, columns: Mapping[str, np.ndarray]) -> Path:
     return path
 
 
-def npz(path: Path, columns: Mapping[str, np.ndarray]) -> Path:
+def npz(path: Path, columns: Mapping[str, Any]) -> Path:
     """Write arrays as a script does."""
     np.savez(path, **columns)
     return path

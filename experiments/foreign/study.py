@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.core.rendering import can_render
 from experiments.adroit.tasks import POLICIES
 from experiments.common.record import Record
 from experiments.common.report import Report, Target, bar, settings_of
@@ -78,7 +79,8 @@ class Foreign:
         """Write, open, train and fly what ``folder`` does not hold yet; see :class:`Study`."""
         record, data, seeds = Record(folder), Path(self.data), range(self.demos)
         people = of_people(data) if (data / PEOPLE).is_file() else []
-        arm = of_the_arm(list(flown(seeds)), list(flown(seeds, pictures=True)))
+        pictured = list(flown(seeds, pictures=True)) if can_render() else []
+        arm = of_the_arm(list(flown(seeds)), pictured)
         files = bar([self._recorded(), *arm, *people], self.name, progress)
         ways = {file.name: self._once(record, "files", file.name, partial(self._way, file)) for file in files}
         sound, kinds = odd_files(list(flown(range(ODD_FLIGHTS))))
@@ -91,16 +93,19 @@ class Foreign:
             file.name: self._once(record, "pilots", file.name, partial(self._piloted, file, policy))
             for file, policy in _pilots(data, people)
         }
-        missing = f"{self.data} has no {PEOPLE}: people's flights were skipped (bench.data=FOLDER)."
+        skipped = (
+            () if people else (f"{self.data} has no {PEOPLE}: people's flights were skipped (bench.data=FOLDER).",)
+        )
+        skipped += () if pictured else ("Nothing renders here: files with pictures were skipped.",)
         return Report(
             study=self,
-            targets=tuple(_targets(ways)),
+            targets=tuple(targets_of(ways)),
             tables={
                 "Files": [way["file"] for way in ways.values()],
                 "Flights": [way["flight"] for way in (*pilots.values(), *ways.values())],
                 "Odd files": [found["row"] for found in odd.values()],
             },
-            notes=(*NOTES, *(() if people else (missing,)), *record.notes()),
+            notes=(*NOTES, *skipped, *record.notes()),
             details={"said": {name: way["said"] for name, way in ways.items()}},
             wall_time_s=sum(found["seconds"] for part in (ways, odd, pilots) for found in part.values()),
         )
@@ -169,7 +174,7 @@ def _odd(what: str, write: Write, usual: Collection[str], at: Path) -> Found:
     return {"row": {"what": what, **counts, "said": said}, "lines": checked.out}
 
 
-def _targets(ways: dict[str, Found]) -> Iterator[Target]:
+def targets_of(ways: dict[str, Found]) -> Iterator[Target]:
     """Yield that all files come all the way, and that nothing is lost on it."""
     theirs = {name: way for name, way in ways.items() if name != CONTROL}
     stages = {
