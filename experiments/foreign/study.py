@@ -65,7 +65,7 @@ class Foreign:
     question: ClassVar[str] = "Do files of other tools open, train and fly by the shipped commands as they are?"
 
     demos: int = 100
-    picture_steps: int = 2_000
+    picture_steps: int = 1_000
     data: str = "datasets/adroit"
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
