@@ -26,6 +26,7 @@ from aerial_il.core.contracts import (
     begin_episodes,
     intervention_of,
     label_of,
+    made_of,
     phase_names_of,
     phase_of,
 )
@@ -300,7 +301,11 @@ class _Collector:
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
             note = DROPPED if dropped[world] else ""
-            self._landed[world] = success, self.recorder.finish(world, success=success, path=path, note=note)
+            told = made_of(self.policy, world)
+            self._landed[world] = (
+                success,
+                self.recorder.finish(world, success=success, path=path, note=note, made_of=told),
+            )
 
     def settle(self, *, wait: bool = False) -> np.ndarray:
         """Count the episodes whose files have their names; return the worlds (n,) that flew them.

@@ -250,6 +250,15 @@ class SharedControlPolicy(Policy, Protocol):
 
 
 @runtime_checkable
+class TracedPolicy(Policy, Protocol):
+    """A policy that tells what each of its flights was made of."""
+
+    def made_of(self, world: int) -> Mapping[str, Any]:
+        """Return JSON values for the provenance of the episode that ends in a world."""
+        ...
+
+
+@runtime_checkable
 class Expert(PrivilegedPolicy, PhasedPolicy, LabellingPolicy, Protocol):
     """A demonstrator: it sees the simulator, works in named phases, and labels what it flies with what it meant."""
 
@@ -295,6 +304,11 @@ def label_of(policy: Policy, otherwise: np.ndarray) -> np.ndarray:
 def intervention_of(policy: Policy, n: int) -> np.ndarray:
     """Return in which of n worlds (n,) bool somebody took over; in none for a policy that flies alone."""
     return np.asarray(policy.is_intervention) if isinstance(policy, SharedControlPolicy) else np.zeros(n, bool)
+
+
+def made_of(policy: Policy, world: int) -> dict[str, Any]:
+    """Return what the flight of a world was made of; nothing for a policy that does not tell."""
+    return dict(policy.made_of(world)) if isinstance(policy, TracedPolicy) else {}
 
 
 @runtime_checkable

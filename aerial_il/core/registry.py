@@ -48,7 +48,7 @@ KINDS: Mapping[str, Kind] = {
     "robot": Kind(
         "aerial_il.robots",
         "ROBOT",
-        frozenset({"robot", "figures"}),
+        frozenset({"robot", "figures", "poise"}),
         hint="Run `aerial-il list` to see what each can do.",
     ),
     "task": Kind(

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
@@ -16,16 +17,19 @@ from aerial_il.data.waypoints import LEVEL
 from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
 from aerial_il.generation.plan import Path, moved
+from aerial_il.generation.reach import beyond
 from aerial_il.generation.segments import Segment, cut
 from aerial_il.generation.source import Source
 from aerial_il.generation.things import Poses, Scene
+from aerial_il.generation.transit import way
 from aerial_il.suite.batch import BatchEnvironment
 
 Select = Literal["random", "nearest"]
 TRANSIT = "transit"
 NEAR_M = 0.04  # from where a path begins, at which it does
-LATE_M, PATIENCE_STEPS = 0.02, 50  # a command waits for a tool that is farther, so many steps a segment
+PATIENCE_STEPS = 50  # that commands wait for the tool, in a segment
 TURN_RAD = 0.6  # that a tool is turned ahead on its way
+SLIP_SHARE = 0.1  # of a change in how a thing is held that is believed in a step; it shakes with the tool
 HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
 NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
 
@@ -36,8 +40,10 @@ class _World:
 
     Attributes:
         left: segments to come. flown: the one whose path it is. path: of it. actions: (K, 10) its commands.
-        phase: of it. opening: of the gripper on the way. arrived: whether the tool has come. step: of the path.
-        waited: steps in which the tool was late. attempts: at this segment.
+        phase: of it. opening: of the gripper on the way. way: points that the tool passes before it begins.
+        told: for the provenance, of each segment that was begun.
+        arrived: whether the tool has come. step: of the path. waited: steps in which the tool was late.
+        attempts: at this segment. aside: (3,) m, by how much what is carried lies elsewhere in the gripper.
     """
 
     left: list[Segment]
@@ -46,10 +52,13 @@ class _World:
     actions: np.ndarray
     phase: int
     opening: float
+    way: list[np.ndarray]
+    told: list[dict[str, Any]]
     arrived: bool = False
     step: int = 0
     waited: int = 0
     attempts: int = 1
+    aside: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 class Generator:
@@ -118,29 +127,50 @@ class Generator:
         action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
         return bounds.clip(action)
 
+    def beyond(self) -> list[str | None]:
+        """Say of each world, as an episode begins there, why its flight is beyond the robot, or None if it is not."""
+        states = self._env.get_state()
+        return [self._beyond(int(self._env.seeds[i]), states[i]) for i in range(self._env.num_envs)]
+
+    def _beyond(self, seed: int, state: np.ndarray) -> str | None:
+        now, robot = self._scene.at(state[None]), self._env.simulation.view.robot
+        paths = (self._moved(segment, now) for segment in self._cut[self._chosen(seed, now)])
+        return next((why for path in paths if (why := beyond(robot, self._spec.action, path))), None)
+
+    def made_of(self, world: int) -> dict[str, Any]:
+        """Return the source of the flight of a world, and the segments that it began, each with how it was moved."""
+        flown = self._worlds[world]
+        if flown is None:
+            return {}
+        source, *segments = flown.told
+        return {**source, "segments": segments}
+
     def _command(self, i: int, world: _World) -> np.ndarray:
         """Return the command of a world, the same until the tool has come to where it belongs."""
         tool = self._env.simulation.view.tool_pos[i]
-        world.arrived |= bool(np.linalg.norm(tool - world.path.there[0]) < NEAR_M)
+        if not world.arrived and np.linalg.norm(tool - world.way[0]) < NEAR_M:
+            world.way.pop(0)
+            world.arrived = not world.way
         self.phase[i] = world.phase if world.arrived else 0
         if not world.arrived:
             return self._on_the_way(i, world)
         step = min(world.step, len(world.path) - 1)
-        aside = self._slipped(i, world, step)
-        late = np.linalg.norm(tool - world.path.there[step] - aside) > LATE_M
+        seen = self._slipped(i, world, step)
+        world.aside = seen if world.step == 0 else world.aside + SLIP_SHARE * (seen - world.aside)
+        late = np.linalg.norm(tool - world.path.there[step] - world.aside) > world.path.slack[step]
         if late and world.waited < PATIENCE_STEPS:
             world.waited += 1
         else:
             world.step += 1
         action = world.actions[step].copy()
-        action[:3] += aside
+        action[:3] += world.aside
         return action
 
     def _on_the_way(self, i: int, world: _World) -> np.ndarray:
         """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
         view, path, own = self._env.simulation.view, world.path, slice(i, i + 1)
-        pos = led(view.tool_pos[own], path.there[:1])
-        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.facing)[None], TURN_RAD)
+        pos = led(view.tool_pos[own], world.way[0][None])
+        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.faced[:1]), TURN_RAD)
         return np.concatenate([pos[0], turned[0], [world.opening]])
 
     def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
@@ -157,24 +187,34 @@ class Generator:
         due = [i for i, world in enumerate(self._worlds) if world is None or _is_done(world)]
         states = self._env.get_state() if due else np.zeros((0, 0))
         for i in due:
-            now = self._scene.at(states[i : i + 1])
-            self._worlds[i] = self._next(self._worlds[i], int(self._env.seeds[i]), now)
+            self._worlds[i] = self._next(self._worlds[i], int(self._env.seeds[i]), states[i])
 
-    def _next(self, world: _World | None, seed: int, now: Poses) -> _World:
+    def _next(self, world: _World | None, seed: int, state: np.ndarray) -> _World:
         """Return a world with its first or its next segment, or with the same one again if its thing was missed."""
+        now = self._scene.at(state[None])
         if world is None:
-            first, *left = self._cut[self._chosen(seed, now)]
-            return self._begun(first, left, now, opening=float(first.gripper[0]))
+            chosen = self._chosen(seed, now)
+            first, *left = self._cut[chosen]
+            return self._begun(first, left, state, now, [{"source": self.sources[chosen].uid}])
         if world.attempts < ATTEMPTS and self._missed(world.flown, now):
-            again = self._begun(world.flown, world.left, now, opening=float(world.flown.gripper[0]))
+            again = self._begun(world.flown, world.left, state, now, world.told)
             return replace(again, attempts=world.attempts + 1)
-        return self._begun(world.left[0], world.left[1:], now, opening=float(world.path.gripper[-1]))
+        following = self._begun(world.left[0], world.left[1:], state, now, world.told)
+        return replace(following, opening=float(world.path.gripper[-1]))
 
-    def _begun(self, segment: Segment, left: list[Segment], now: Poses, *, opening: float) -> _World:
+    def _begun(
+        self, segment: Segment, left: list[Segment], state: np.ndarray, now: Poses, told: list[dict[str, Any]]
+    ) -> _World:
         """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
+        scene, opening = self._scene, float(segment.gripper[0])
+        path = self._moved(segment, now)
+        there = way(now.tool_pos[0], path.there[0], scene.boxes(state), scene.roots(segment.name, segment.carried))
+        phase = self.phase_names.index(segment.name)
+        return _World(left, segment, path, path.actions, phase, opening, there, [*told, _told(segment, path)])
+
+    def _moved(self, segment: Segment, now: Poses) -> Path:
         k = self._scene.names.index(segment.name)
-        path = moved(segment, self._scene.things[k], k, now)
-        return _World(left, segment, path, path.actions, self.phase_names.index(segment.name), opening)
+        return moved(segment, self._scene.things[k], k, now)
 
     def _missed(self, segment: Segment, now: Poses) -> bool:
         """Return whether a segment should have ended with its thing in the gripper, and did not."""
@@ -192,6 +232,18 @@ class Generator:
 
 def _is_done(world: _World) -> bool:
     return world.step >= len(world.path) and bool(world.left)
+
+
+def _told(segment: Segment, path: Path) -> dict[str, Any]:
+    """Return a segment as JSON values: its steps in the source, and the rigid motion from there to here."""
+    shift = path.place - path.turn @ segment.thing_pos[0]
+    turned = Rotation.from_matrix(path.turn).as_rotvec()
+    return {
+        "thing": segment.name,
+        "source_steps": [segment.first, segment.first + len(segment)],
+        "turned_rad": np.round(turned, 6).tolist(),
+        "shifted_m": np.round(shift, 6).tolist(),
+    }
 
 
 def _distance(source: Source, names: tuple[str, ...], now: Poses) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -11,6 +12,8 @@ from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.generation.segments import Segment
 from aerial_il.generation.things import Poses, Thing
 
+LATE_M, LATE_TO_GRIP_M = 0.02, 0.004  # a command waits for a tool that is farther; the second where fingers move
+GRIP_SHARE = 0.1  # of the opening that a gripper changes in a step when it moves
 LEAST_TRAVEL = 1e-3  # rad or m that a joint moved in the source, for its way to be scaled
 
 
@@ -22,7 +25,8 @@ class Path:
         pos: (K, 3) m, world. mat: (K, 3, 3) world from tool. gripper: (K,) opening.
         there: (K, 3) m, where the tool is expected when a command is given.
         offset: (K, 3) m, the tool from what it carries; NaN where it carries nothing.
-        facing: (3, 3) world from tool, as the tool is when the path begins.
+        faced: (K, 3, 3) world from tool, as the tool is expected.
+        place: (3,) m, where its thing is then. turn: (3, 3), by which it was turned.
     """
 
     pos: np.ndarray
@@ -30,10 +34,18 @@ class Path:
     gripper: np.ndarray
     there: np.ndarray
     offset: np.ndarray
-    facing: np.ndarray
+    faced: np.ndarray
+    place: np.ndarray
+    turn: np.ndarray
 
     def __len__(self) -> int:
         return len(self.pos)
+
+    @cached_property
+    def slack(self) -> np.ndarray:
+        """(K,) m, how far the tool may be from where it is expected before a command waits for it."""
+        moves = np.abs(np.diff(self.gripper, append=self.gripper[-1])) > GRIP_SHARE
+        return np.where(moves, LATE_TO_GRIP_M, LATE_M)
 
     @property
     def actions(self) -> np.ndarray:
@@ -58,7 +70,8 @@ def moved(segment: Segment, thing: Thing, k: int, now: Poses) -> Path:
         places + np.einsum("kij,kj->ki", turns, each - segment.thing_pos) for each in (segment.pos, segment.tool_pos)
     )
     offset = np.full_like(sent, np.nan) if segment.offset is None else np.einsum("kij,kj->ki", turns, segment.offset)
-    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, turns[0] @ segment.tool_mat[0])
+    faced = turns @ segment.tool_mat
+    return Path(sent, turns @ segment.mat, segment.gripper, been, offset, faced, places[0], turns[0])
 
 
 def _turn(segment: Segment, mat: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ class Segment:
     """K steps of the tool relative to a thing.
 
     Attributes:
-        name: for people. thing: index of it. turning: how the path turns with it.
+        name: for people. thing: index of it. turning: how the path turns with it. first: step of the source.
         pos: (K, 3) m, where the tool was sent. mat: (K, 3, 3). gripper: (K,). tool_pos: (K, 3), where it was.
         tool_mat: (K, 3, 3).
         thing_pos: (K, 3), thing_mat: (K, 3, 3), joint: (K,) the thing meanwhile; of one that is not on a joint as it
@@ -44,6 +44,7 @@ class Segment:
     name: str
     thing: int
     turning: Turning
+    first: int
     pos: np.ndarray
     mat: np.ndarray
     gripper: np.ndarray
@@ -111,6 +112,7 @@ def _segment(source: Source, k: int, start: int, end: int) -> Segment:
         thing.name,
         k,
         turning_of(thing, source.spec.observation.of_group("task")),
+        start,
         source.pos[steps],
         source.mat[steps],
         source.gripper[steps],

@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.core.specs import Field
+from aerial_il.generation.transit import Boxes, boxes
 from aerial_il.suite.physics.physics_batch import SIGNATURE
 
 Kind = Literal["placed", "free", "hinge", "slide"]
@@ -88,10 +89,20 @@ class Scene:
         found = [self._pose(state) for state in states]
         return Poses(*(np.stack(values) for values in zip(*found, strict=True)))
 
+    def boxes(self, state: np.ndarray) -> Boxes:
+        """Return what is solid in a full state (S,)."""
+        self._move_to(state)
+        return boxes(self.model, self._data)
+
     @property
     def state_size(self) -> int:
         """Numbers of a full state, S."""
         return mujoco.mj_stateSize(self.model, SIGNATURE)
+
+    def roots(self, *things: str) -> set[int]:
+        """Return the topmost bodies of ``things``, by name, and of the robot."""
+        bodies = [thing.body for thing in self.things if thing.name in things]
+        return {_robot(self.model), *(int(self.model.body_rootid[body]) for body in bodies)}
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -100,8 +111,7 @@ class Scene:
 
     def _pose(self, state: np.ndarray) -> tuple[np.ndarray, ...]:
         data, joints = self._data, self._joints
-        mujoco.mj_setState(self.model, data, state, SIGNATURE)
-        mujoco.mj_kinematics(self.model, data)
+        self._move_to(state)
         has = joints >= 0
         positions = np.where(has, data.qpos[self.model.jnt_qposadr[joints]], 0.0)
         return (
@@ -113,6 +123,10 @@ class Scene:
             data.site_xpos[self._tool].copy(),
             data.site_xmat[self._tool].reshape(3, 3).copy(),
         )
+
+    def _move_to(self, state: np.ndarray) -> None:
+        mujoco.mj_setState(self.model, self._data, state, SIGNATURE)
+        mujoco.mj_kinematics(self.model, self._data)
 
 
 @dataclass(frozen=True)
@@ -149,8 +163,13 @@ def turning_of(thing: Thing, fields: Iterable[Field]) -> Turning:
     return Turning("not")
 
 
+def _robot(model: mujoco.MjModel) -> int:
+    """Return the topmost body of the robot."""
+    return int(model.body_rootid[model.site_bodyid[model.site(BASE).id]])
+
+
 def _things(model: mujoco.MjModel) -> Iterable[Thing]:
-    robot = model.body_rootid[model.site_bodyid[model.site(BASE).id]]
+    robot = _robot(model)
     for body in range(1, model.nbody):
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         placed = model.body_mocapid[body] >= 0

@@ -52,11 +52,11 @@ def hover_power(robot: Robot) -> float | None:
 def stances(robot: Robot) -> tuple[Stance, ...]:
     """Balance with the tool down, with the tool ahead, and with the arm stretched as far ahead as it goes."""
     if not robot.num_joints:
-        return (_stance(robot, "bare", np.zeros(0)),)
+        return (stance(robot, "bare", np.zeros(0)),)
     joints, tools = workspace(robot)
     farthest = joints[np.argmax(tools[:, 0] - np.abs(tools[:, 1]))]
     named = {"tool down": robot.rest_down, "tool ahead": robot.rest_forward, "stretched ahead": farthest}
-    return tuple(_stance(robot, name, np.array(posture, float)) for name, posture in named.items())
+    return tuple(stance(robot, name, np.array(posture, float)) for name, posture in named.items())
 
 
 @cache
@@ -99,7 +99,8 @@ def _placed(robot: Robot, joints: np.ndarray) -> np.ndarray:
     return frames[: robot.num_joints + 1]
 
 
-def _stance(robot: Robot, name: str, joints: np.ndarray) -> Stance:
+def stance(robot: Robot, name: str, joints: np.ndarray) -> Stance:
+    """Return the balance of ``robot`` with its joints at (J,) rad."""
     vehicle, frames = robot.vehicle, _placed(robot, joints)
     masses, places, tensors = [vehicle.base_mass], [np.zeros(3)], [np.diag(vehicle.base_inertia)]
     for j in range(robot.num_joints):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -12,7 +13,9 @@ from aerial_il.workflows.parts.names import MaybeRobot, MaybeTier, at_least
 from aerial_il.workflows.parts.shards import shards_of
 
 if TYPE_CHECKING:
+    from aerial_il.generation.generator import Generator
     from aerial_il.generation.source import Source
+    from aerial_il.suite.batch import BatchEnvironment
 
 log = logging.getLogger(__name__)
 POLICY = "generated"
@@ -92,6 +95,7 @@ def generate(settings: Generate) -> str:
     made_of = {"sources": [source.uid for source in sources], "select": settings.select, "noise": settings.noise}
     longest = LONGEST * max(map(len, sources)) + SPARE_STEPS
     with closing(where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)) as env:
+        _look_ahead(env, policy, settings)
         done = collect(
             env, policy, range(settings.seed, settings.seed + settings.episodes), settings.out,
             policy_name=POLICY, settings=made_of, longest=min(longest, env.spec.max_steps), mix=settings.mix,
@@ -101,6 +105,25 @@ def generate(settings: Generate) -> str:
     if done.failures and not done.demos:
         log.warning("None of %d flights succeeded: %s", len(done.failures), _advice(sources, settings))
     return settings.out
+
+
+def _look_ahead(env: BatchEnvironment, policy: Generator, settings: Generate) -> None:
+    """Say how many of the first flights are beyond the robot.
+
+    Raises:
+        InvalidValueError: all of them.
+    """
+    env.reset(settings.seed)
+    policy.attach(env)
+    reasons = Counter(why for why in policy.beyond() if why)
+    if not reasons:
+        return
+    count, robot = reasons.total(), env.spec.robot
+    told = "; ".join(f"{times} {why}" for why, times in reasons.most_common())
+    share = f"{count} of the first {env.num_envs} flights are beyond {robot}: {told}."
+    if count == env.num_envs:
+        raise InvalidValueError(f"{share} Name another robot, or take a source that it can fly.")
+    log.warning("%s They are flown all the same, and kept as failures if they fail.", share)
 
 
 def shards(settings: Generate) -> list[tuple[tuple[str, ...], str]]:

@@ -1,8 +1,9 @@
 """Demonstrations out of one: how often generated flights succeed, and how well a clone of them flies.
 
 Each draw has one flight of the expert, the source. It is generated from for every robot and in several tiers, and a
-clone of what was generated flies beside two controls: a clone of as many flights of the expert, and one of the source
-alone. All are judged on the same reserved seeds.
+clone of what was generated flies, on each robot, beside two controls: a clone of as many flights of the expert, and one
+of the source alone. On a few tasks three more ways are compared: with noise, out of six sources, and out of the nearest
+of six. All are judged on the same reserved seeds.
 """
 
 from __future__ import annotations
@@ -21,11 +22,13 @@ from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import wilson
+from aerial_il.generation.generator import Select
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks as registered
 from aerial_il.workflows.generate import Generate, generate
 from experiments.common.demonstrations import Source, collections
+from experiments.common.plain import plain
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
@@ -34,7 +37,8 @@ from experiments.common.success import failed_seeds, pooled_row
 
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
 GENERATED, AS_MANY, ALONE = "generated", "as_many", "alone"
-ARMS = (GENERATED, AS_MANY, ALONE)
+NOISY, SIX, NEAREST = "noisy", "six", "nearest"
+ARMS = (GENERATED, AS_MANY, ALONE, NOISY, SIX, NEAREST)
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
     "inspect_contact",
@@ -45,24 +49,41 @@ CLONES = {"pick_place": (99.0, 95.0), "insert_peg": (98.0, 90.0)}  # % calm and 
 OTHER_CLONES = (95.0, 85.0)
 
 
-@dataclass(frozen=True, eq=False)
-class GeneratedFrom(Shown):
-    """A clone of what was generated out of the first ``demos`` flights of a source.
+@dataclass(frozen=True)
+class Out:
+    """How flights are generated.
 
     Attributes:
-        algorithm: how it is cloned. flights: how many are generated, of which the successes are learned from.
-        noise: of the generator.
+        shown: whose flights they are generated out of. sources: how many of them. select, noise: of the generator.
+    """
+
+    shown: Source
+    sources: int = 1
+    select: Select = "random"
+    noise: float = 0.0
+
+    def decided_by(self) -> dict[str, Any]:
+        """Return all that decides what is generated, but for where."""
+        return {**plain(self), "shown": self.shown.decided_by()}
+
+
+@dataclass(frozen=True, eq=False)
+class GeneratedFrom(Shown):
+    """A clone of what was generated for the cell of its source.
+
+    Attributes:
+        algorithm: how it is cloned. out: of what. flights: how many are generated; it learns from the successes.
     """
 
     algorithm: BC
+    out: Out
     flights: int
-    noise: float
 
     def decided_by(self) -> dict[str, Any]:
-        return {**all_that_decides(self), "flights": self.flights, "noise": self.noise}
+        return {**all_that_decides(self), "out": self.out.decided_by(), "flights": self.flights}
 
     def train(self, stages: Stages, run: Path) -> Policy:
-        shown = generated(stages, self.source, self.source.robot, self.source.tier, self.flights, self.noise)
+        shown = generated(stages, self.out, self.source.robot, self.source.tier, self.flights)
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
 
 
@@ -72,9 +93,10 @@ class Generation:
 
     Attributes:
         policy: what is cloned. cloning: how. robot: of the sources. others: robots that it is generated for, too.
-        tasks: which. tiers: that it is generated in, the first of which clones learn from; the sources are flown there.
-        flown_in: tiers that judge clones. flights: generated of each. few: for other robots and tiers.
-        noise: of the generator. arms: clones. draws: of sources and weights.
+        tasks: which. compared: those of them on which all arms are flown; others fly the first three.
+        tiers: that it is generated in, the first of which clones learn from; the sources are flown there.
+        flown_in: tiers that judge clones. flights: generated for each robot. few: in other tiers.
+        noise: of the arm with noise. arms: clones, of which other robots fly the first. draws: of sources and weights.
         episodes: that judge a clone. first_episode: the first of them. num_envs: worlds flown at once.
         threads: of the simulation; 0 for all cores.
     """
@@ -87,11 +109,12 @@ class Generation:
     robot: str = "fa_hexa_arm4"
     others: tuple[str, ...] = tuple(ACROSS)
     tasks: tuple[str, ...] = WITH_OBJECTS
+    compared: tuple[str, ...] = ("pick_place", "insert_peg")
     tiers: tuple[str, ...] = ("calm", "gusts", "hard")
     flown_in: tuple[str, ...] = ("calm", "gusts")
     flights: int = 400
     few: int = 200
-    noise: float = 0.0
+    noise: float = 0.3
     arms: tuple[str, ...] = ARMS
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 200
@@ -139,10 +162,9 @@ class Generation:
 
     def _flown(self, stages: Stages, robot: str, tier: str, task: str) -> Row:
         """Return how often flights that were generated for a cell succeed, over all draws."""
-        own = (robot, tier) == (self.robot, self.tiers[0])
-        count, won, seconds = self.flights if own else self.few, list[int](), 0.0
+        count, won, seconds = self.flights if tier == self.tiers[0] else self.few, list[int](), 0.0
         for draw in self.draws:
-            dataset = generated(stages, self._source(task, draw), robot, tier, count, self.noise)
+            dataset = generated(stages, Out(self._source(task, draw)), robot, tier, count)
             won.append(len(DatasetFolder(dataset.path).files(DEMOS)))
             seconds += sum(run["seconds"] for run in collections([Path(dataset.path)]))
         low, high = wilson(sum(won), count * len(won))
@@ -163,11 +185,21 @@ class Generation:
         for draw, task in product(self.draws, self.tasks):
             source = self._source(task, draw)
             by_arm: dict[str, GeneratedFrom | Cloned] = {
-                GENERATED: GeneratedFrom(GENERATED, source, 1, self.policy, self.cloning, self.flights, self.noise),
+                GENERATED: self._generated(GENERATED, Out(source)),
                 AS_MANY: Cloned(AS_MANY, replace(source, noise=0.3), self.flights, self.policy, self.cloning),
                 ALONE: Cloned(ALONE, source, 1, self.policy, replace(self.cloning, validation=0.0)),
+                NOISY: self._generated(NOISY, Out(source, noise=self.noise)),
+                SIX: self._generated(SIX, Out(source, sources=6)),
+                NEAREST: self._generated(NEAREST, Out(source, sources=6, select="nearest")),
             }
-            yield from (by_arm[arm] for arm in self.arms)
+            yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in ARMS[:3])
+        for robot, draw, task in product(self.others, self.draws, self.tasks):
+            if GENERATED in self.arms and (robot, task) in aerial_il.list_cells():
+                yield self._generated(GENERATED, Out(self._source(task, draw)), robot=robot)
+
+    def _generated(self, arm: str, out: Out, *, robot: str = "") -> GeneratedFrom:
+        judged = replace(out.shown, robot=robot or self.robot)
+        return GeneratedFrom(arm, judged, out.sources, self.policy, self.cloning, out, self.flights)
 
     def _flight_targets(self, rows: list[Row]) -> Iterator[Target]:
         for row in rows:
@@ -181,37 +213,40 @@ class Generation:
 
 
 NOTES = (
-    "Generated: flights out of one flight of the expert without noise, cut by what moved; a row "
+    "Generated: flights out of one flight of the expert without noise, by the first robot in calm air; a row "
     "has as many sources as draws, each flown as often. Flights: Wilson's 95 % interval over all of them; worst and "
     "best: of single sources. A minute: successes of wall time, recorded.",
-    "Clones of what was generated: each training has its own source and weights. Controls beside them: as_many, a "
-    "clone of as many flights of the expert with its default noise; alone, one of the single flight.",
+    "Clones of what was generated: each training has its own source and weights; other robots' learn from what was "
+    "generated for them out of the same flight. Controls: as_many, a clone of as many flights of the expert with its "
+    "default noise; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
+    "the expert; nearest: out of whichever of these six is nearest.",
 )
 
 
-def generated(stages: Stages, source: Source, robot: str, tier: str, count: int, noise: float) -> Dataset:
-    """Return ``count`` flights out of the first of a source, as the command generates them, flying what is missing."""
-    decided_by = {"source": source.decided_by(), "robot": robot, "tier": tier, "noise": noise}
-    place = stages.record.place("datasets", f"generated/{robot}-{source.task}-{tier}/{source.draw}", decided_by)
+def generated(stages: Stages, out: Out, robot: str, tier: str, count: int) -> Dataset:
+    """Return ``count`` flights as the command generates them, flying what is missing."""
+    shown, decided_by = out.shown, {"out": out.decided_by(), "robot": robot, "tier": tier}
+    place = stages.record.place("datasets", f"generated/{robot}-{shown.task}-{tier}/{shown.draw}", decided_by)
     stages.places.setdefault("datasets", {})[place] = None
-    folder, first = DatasetFolder(place), GENERATION_SEED + SEEDS_PER_DRAW * source.draw
+    folder, first = DatasetFolder(place), GENERATION_SEED + SEEDS_PER_DRAW * shown.draw
     if len(folder.files(DEMOS)) + len(folder.files(FAILURES)) < count:
         generate(
             Generate(
-                dataset=str(stages.demonstrations(source, 1).path), sources=1, out=str(place), robot=robot, tier=tier,
-                episodes=count, seed=first, noise=noise, num_envs=stages.num_envs, threads=stages.threads,
-                progress=stages.progress,
+                dataset=str(stages.demonstrations(shown, out.sources).path), sources=out.sources, out=str(place),
+                robot=robot, tier=tier, episodes=count, seed=first, select=out.select, noise=out.noise,
+                num_envs=stages.num_envs, threads=stages.threads, progress=stages.progress,
             )
         )  # fmt: skip
     return aerial_il.open_dataset(str(place))
 
 
 def _clone_rows(results: Mapping[tuple[Any, str], EvaluationResult]) -> Iterator[Row]:
-    groups: dict[tuple[str, str, str], list[EvaluationResult]] = {}
+    groups: dict[tuple[str, str, str, str], list[EvaluationResult]] = {}
     for (training, tier), result in results.items():
-        groups.setdefault((training.source.task, training.method, tier), []).append(result)
-    for (task, arm, tier), judged in groups.items():
-        yield {"task": task, "arm": arm, "tier": tier, **pooled_row(judged)}
+        source = training.source
+        groups.setdefault((source.robot, source.task, training.method, tier), []).append(result)
+    for (robot, task, arm, tier), judged in groups.items():
+        yield {"robot": robot, "task": task, "arm": arm, "tier": tier, **pooled_row(judged)}
 
 
 def _clone_targets(rows: list[Row]) -> Iterator[Target]:
@@ -219,5 +254,5 @@ def _clone_targets(rows: list[Row]) -> Iterator[Target]:
         limits = dict(zip(("calm", "gusts"), CLONES.get(row["task"], OTHER_CLONES), strict=True))
         if row["tier"] in limits:
             spread = f"flights {row['flights_low']} to {row['flights_high']}; worst {row['worst']}, best {row['best']}"
-            what = f"clone of what one flight gave: {row['task']}, {row['tier']}"
+            what = f"clone of what one flight gave: {row['robot']}, {row['task']}, {row['tier']}"
             yield Target(what, "at least", limits[row["tier"]], row["percent"], "%", spread)

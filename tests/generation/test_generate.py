@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
@@ -46,6 +47,22 @@ def test_one_flight_becomes_many(shown: Shown, tmp_path: Path, task: str, words:
     phases = flights[0].phase
     assert phases[0] == 0
     assert 1 in phases
+
+
+def test_each_flight_names_its_source_and_how_it_was_moved(shown: Shown, tmp_path: Path) -> None:
+    assert generate(shown("pick_place"), tmp_path / "many", "episodes=3") == 0
+    source = next(iter(open_dataset(shown("pick_place"))))
+    for flight in open_dataset(tmp_path / "many"):
+        made = flight.provenance["made_of"]
+        at_cube, at_bowl = made["segments"]
+        assert made["source"] == source.uid
+        assert [at_cube["thing"], at_bowl["thing"]] == ["cube", "bowl"]
+        turn = Rotation.from_rotvec(at_cube["turned_rad"])
+        moved = turn.apply(source.obs["cube_pos"][0]) + at_cube["shifted_m"]
+        np.testing.assert_allclose(moved, flight.obs["cube_pos"][0], atol=5e-3)
+        assert at_bowl["turned_rad"] == [0.0, 0.0, 0.0]
+        assert 0 <= at_cube["source_steps"][0] < at_cube["source_steps"][1] <= at_bowl["source_steps"][0]
+        assert at_bowl["source_steps"][1] == len(source)
 
 
 def test_labels_are_the_commands_without_noise(shown: Shown, tmp_path: Path) -> None:

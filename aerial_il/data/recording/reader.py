@@ -52,6 +52,13 @@ class Outcome:
     success: bool
     steps: int
     note: str
+    made_of: Mapping[str, Any]
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """What it adds to the provenance."""
+        told = {"note": self.note, "made_of": self.made_of}
+        return {key: value for key, value in told.items() if value}
 
 
 def read_episode(path: Path | str, *, cameras: bool | Sequence[str] = False) -> Episode:
@@ -191,7 +198,7 @@ def _episode(head: Head, messages: Messages, outcome: Outcome, *, states: bool) 
     return Episode(
         uid=head.uid,
         spec=layout.spec,
-        provenance={**head.provenance, **({"note": outcome.note} if outcome.note else {})},
+        provenance={**head.provenance, **outcome.provenance},
         obs={name: layout.field_of(flat, name) for name in layout.spec.observation.state_names},
         actions=_array(steps["action"]),
         executed_actions=_array(steps["executed_action"]),
@@ -219,11 +226,21 @@ def _array(values: np.ndarray) -> np.ndarray:
 def read_outcome(path: Path, contents: Contents) -> Outcome:
     """Read the metadata that follow the messages."""
     raw = contents.metadata.get(OUTCOME, {})
-    if raw.keys() != {"success", "steps", "note", "digest"}:
+    if raw.keys() - {"made_of"} != {"success", "steps", "note", "digest"}:
         raise DemoError(path, f"has no complete metadata {OUTCOME!r}.", got=sorted(raw))
     if raw["success"] not in ("true", "false") or not (raw["steps"].isdecimal() and len(raw["steps"]) < 10):
         raise DemoError(path, f"has malformed metadata {OUTCOME!r}.", got=raw)
-    return Outcome(raw["success"] == "true", int(raw["steps"]), raw["note"])
+    return Outcome(raw["success"] == "true", int(raw["steps"]), raw["note"], _made_of(path, raw.get("made_of", "{}")))
+
+
+def _made_of(path: Path, text: str) -> dict[str, Any]:
+    try:
+        told = parse_json(text)
+    except ValueError:
+        told = None
+    if not isinstance(told, dict):
+        raise DemoError(path, f"has malformed metadata {OUTCOME!r}.", got=text[:200])
+    return told
 
 
 def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarray:

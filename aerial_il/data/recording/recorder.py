@@ -27,7 +27,7 @@ from aerial_il.data.recording.encoding.packing import bytes_of, gather
 from aerial_il.data.recording.encoding.topics import NO_EXTRAS, Extras, place_of
 from aerial_il.data.recording.schema import Layout
 from aerial_il.data.recording.threads import WriterThreads
-from aerial_il.data.recording.writer import STEPS_PER_CHUNK, EpisodeWriter
+from aerial_il.data.recording.writer import NOTHING, STEPS_PER_CHUNK, EpisodeWriter
 
 BLOCK_BYTES = 64 << 20  # of blocks that wait to be written
 
@@ -112,16 +112,25 @@ class Recorder:
             assert writer is not None
             self._hand_over(world, _append, writer, STEPS_PER_CHUNK)
 
-    def finish(self, world: int, *, success: bool, path: Path | None = None, note: str = "") -> Future[Recorded]:
+    def finish(
+        self,
+        world: int,
+        *,
+        success: bool,
+        path: Path | None = None,
+        note: str = "",
+        made_of: Mapping[str, Any] = NOTHING,
+    ) -> Future[Recorded]:
         """End the episode of ``world`` with what it showed last, and name its file ``path`` or as its writer knows.
 
-        ``note`` is what is special about it, see :meth:`EpisodeWriter.finish`.
+        ``note`` and ``made_of``: see :meth:`EpisodeWriter.finish`.
 
         Returns:
             What is known when the file has its name.
         """
         writer, count = self._writer(world), int(self._count[world])
-        done = self._hand_over(world, _finish, writer, count, success=success, path=path, note=note)
+        outcome = {"success": success, "path": path, "note": note, "made_of": made_of}
+        done = self._hand_over(world, _finish, writer, count, **outcome)
         self._release(world)  # not before: an interruption while it waits for a block leaves the writer to `close`
         return done
 
@@ -185,14 +194,11 @@ def _finish(
     block: np.ndarray,
     count: int,
     pictures: Pictures,
-    *,
-    success: bool,
-    path: Path | None,
-    note: str,
+    **outcome: Any,
 ) -> Recorded:
     """Append ``count`` steps, end with what followed them, and return the file."""
     with _closed_on_failure(writer):
-        done = writer.finish(block[: count + 1], _encoded(pictures), success=success, path=path, note=note)
+        done = writer.finish(block[: count + 1], _encoded(pictures), **outcome)
     return Recorded(done, writer.sha256)
 
 

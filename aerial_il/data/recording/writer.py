@@ -39,6 +39,7 @@ FULL_DISK_HINT = "Finished episodes are intact: free some space and run the same
 
 Images = Mapping[str, Sequence[bytes]]
 NO_IMAGES: Images = MappingProxyType({})
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class BusyError(Exception):
@@ -98,6 +99,7 @@ class EpisodeWriter:
         success: bool,
         path: Path | None = None,
         note: str = "",
+        made_of: Mapping[str, Any] = NOTHING,
     ) -> Path:
         """Append what is left, and give the file its name.
 
@@ -108,6 +110,7 @@ class EpisodeWriter:
             success: whether the task was solved.
             path: where it goes instead of ``self.path``.
             note: what is special about it, e.g. that it was salvaged.
+            made_of: JSON values that are known only in the end, for its provenance: what a generated flight came from.
         """
         rows = self._rows(rest)
         self._layout.numbers(rows)[-1, self._layout.seen_width :] = 0.0
@@ -117,6 +120,8 @@ class EpisodeWriter:
         with storing(self.part):
             self._put_views()
             outcome = {"success": json.dumps(bool(success)), "steps": str(self._steps), "note": note}
+            if made_of:
+                outcome["made_of"] = json.dumps(dict(made_of), sort_keys=True)
             digest = self._digest.hexdigest({**self._metadata, OUTCOME: outcome}, self._attachments)
             self._container.metadata(OUTCOME, {**outcome, "digest": digest})
             self._container.finish()
