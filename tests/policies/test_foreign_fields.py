@@ -40,6 +40,7 @@ def test_the_only_field_of_a_shape_stands_for_it(tmp_path: Path, caplog: pytest.
     first = policy.act(obs)
     policy.reset()
     np.testing.assert_array_equal(policy.act({"flat": obs["observation"], **obs}), first)
+    np.testing.assert_array_equal(policy.fresh().act(obs), first)
 
 
 @pytest.mark.parametrize("widths", [(2,), (3, 3)])

@@ -127,7 +127,9 @@ class ChunkPolicy:
 
     def fresh(self) -> ChunkPolicy:
         """Return the same policy, networks shared, with a memory of its own that is empty."""
-        return ChunkPolicy(self.config, self.interface, self.network, self.origin)
+        again = ChunkPolicy(self.config, self.interface, self.network, self.origin)
+        again._shown_for = self._shown_for
+        return again
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
