@@ -17,7 +17,7 @@ from aerial_il.evaluation.result import load_result
 from experiments.common.report import Row
 from experiments.common.success import success_row
 
-NOTED = "Warning: The policy"
+ERROR, NOTED = "aerial-il: ", "Warning: The policy"
 SUCCESS = ("success", "episodes", "percent", "ci95_low", "ci95_high")
 ROOT = Path(__file__).parents[2]
 
@@ -39,7 +39,12 @@ class Said:
     def verdict(self) -> str:
         """The line that it ended with, an error where it failed."""
         lines = self.out if self.ok else self.err
-        return lines[-1].removeprefix("aerial-il: ") if lines else ""
+        return lines[-1].removeprefix(ERROR) if lines else ""
+
+    @property
+    def ours(self) -> tuple[str, ...]:
+        """Its warnings and errors, without what libraries say."""
+        return tuple(line for line in self.err if line.startswith(("Warning:", ERROR)))
 
 
 def call(*words: str, at: Path) -> Said:

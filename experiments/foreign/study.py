@@ -22,7 +22,7 @@ from aerial_il.core.files import write_json
 from aerial_il.core.rendering import can_render
 from experiments.adroit.tasks import POLICIES
 from experiments.common.record import Record
-from experiments.common.report import Report, Target, bar, settings_of
+from experiments.common.report import Report, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.foreign.arm import flown
 from experiments.foreign.files import ENV, PEOPLE, REACHED, ForeignFile, of_people, of_the_arm
@@ -65,7 +65,7 @@ class Foreign:
     question: ClassVar[str] = "Do files of other tools open, train and fly by the shipped commands as they are?"
 
     demos: int = 100
-    picture_steps: int = 1_000
+    picture_steps: int = 500
     data: str = "datasets/adroit"
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
@@ -112,7 +112,8 @@ class Foreign:
 
     def _once(self, record: Record, kind: str, name: str, find: Callable[[Path], Found]) -> Found:
         """Return what ``find`` says in an empty folder, or what it said there before."""
-        place = record.place(kind, name, {"name": name, "settings": settings_of(self)})
+        judged = {"seeds": [self.first_episode, self.episodes], "demos": self.demos, "steps": self.picture_steps}
+        place = record.place(kind, name, {"name": name, **judged})
         if not (place / FOUND).exists():
             shutil.rmtree(place / "work", ignore_errors=True)
             (place / "work").mkdir()
@@ -144,7 +145,7 @@ class Foreign:
             "flight": flight_row(at / JUDGED, file.name, judged, trained.seconds, " ".join((*told, *file.flown))),
             "trains": trained.ok,
             "like_the_control": file.pictures is None and file.success == REACHED,
-            "said": {"validate": checked.out, "train": trained.err, "evaluate": judged.err},
+            "said": {"validate": checked.out, "train": trained.ours, "evaluate": judged.ours},
         }
 
     def _piloted(self, file: ForeignFile, policy: str, at: Path) -> Found:
