@@ -11,7 +11,6 @@ from typing import Any
 
 from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table, wrapped
-from aerial_il.core.specs import UNKNOWN
 from aerial_il.workflows.info import MADE_BY, Info, info
 
 
@@ -30,6 +29,8 @@ def run(settings: Shown) -> None:
 
 
 def _as_text(described: dict[str, Any]) -> str:
+    from aerial_il.core.specs import UNKNOWN
+
     episodes = described["episodes"]
     won, seconds = sum(e["success"] for e in episodes), sum(e["seconds"] for e in episodes)
     tiers = ", ".join(dict.fromkeys(e["tier"] for e in episodes))
