@@ -174,6 +174,8 @@ def _override(key: Key, name: str, value: str, sweeps: bool) -> str:
         return f"{name}={quoted(value)}"
     if key.takes == "texts" and value[:1] + value[-1:] != "[]":
         return f"{name}={_list([value])}"
+    if key.takes == "texts" and "=" in value and not sweeps:  # which Hydra reads in no list
+        return f"{name}=[{literals(value[1:-1])}]"
     if key.takes == "mapping" and value[:1] + value[-1:] == "{}":
         return f"{name}={_mapping(value)}"
     return f"{name}={value}"

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.collection.mixture import check_unmixed
 from aerial_il.core.contracts import (
     BatchEnv,
     Observation,
@@ -34,20 +33,26 @@ from aerial_il.core.errors import AerialError, InvalidValueError, SimulationDive
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
+from aerial_il.data.mixture import check_unmixed
 from aerial_il.data.provenance import DROPPED, Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import BusyError, EpisodeWriter
+from aerial_il.data.table import failure_of
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Flown:
-    """One recorded flight: seed, control steps, outcome and sum of its rewards."""
+    """One recorded flight: seed, control steps, why and in which of the expert's phases it ended, sum of its rewards.
+
+    ``failure`` is empty for a success, ``phase`` where there is none.
+    """
 
     seed: int
     steps: int
-    success: bool
+    failure: str
+    phase: str
     total_reward: float
 
 
@@ -175,7 +180,7 @@ class _Collector:
             phases=phase_names_of(policy),
             engine=env.engine,
         )
-        self._landed: dict[int, tuple[bool, Future[Recorded]]] = {}  # world -> its outcome, and its file to be
+        self._landed: dict[int, tuple[Flown, Future[Recorded]]] = {}  # world -> its flight, and its file to be
         self._uids = [""] * env.num_envs
         self._seeds = np.zeros(env.num_envs, np.int64)
         self._steps = np.zeros(env.num_envs, np.int64)
@@ -297,15 +302,21 @@ class _Collector:
         self.recorder.observe(result.obs, state=self.env.get_state(), sim_time=self.env.sim_time)
         crash = result.info.get("crash", result.terminated)
         dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
+        phases, late = phase_of(self.policy, self.env.num_envs), self._cut_off(result.truncated)
         for world in np.flatnonzero(ended).tolist():
             success = bool(result.info["success"][world] and not crash[world])
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
             note = DROPPED if dropped[world] else ""
-            told = made_of(self.policy, world)
-            self._landed[world] = (
-                success,
-                self.recorder.finish(world, success=success, path=path, note=note, made_of=told),
-            )
+            ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world])}
+            why = failure_of(success=success, dropped=bool(dropped[world]), **ends)
+            flown, told = self._flown(world, why, int(phases[world])), made_of(self.policy, world)
+            file = self.recorder.finish(world, success=success, path=path, note=note, made_of=told)
+            self._landed[world] = flown, file
+
+    def _flown(self, world: int, failure: str, phase: int) -> Flown:
+        names, total_reward = self.origin.phases, float(self._returns[world])
+        reached = names[phase] if 0 <= phase < len(names) else ""
+        return Flown(int(self._seeds[world]), int(self._steps[world]), failure, reached, total_reward)
 
     def settle(self, *, wait: bool = False) -> np.ndarray:
         """Count the episodes whose files have their names; return the worlds (n,) that flew them.
@@ -318,11 +329,11 @@ class _Collector:
         written = np.zeros(self.env.num_envs, bool)
         done = [world for world, (_, file) in self._landed.items() if file.done()]
         for world in sorted(done, key=lambda world: self._landed[world][1].exception() is not None):  # errors last
-            success, file = self._landed.pop(world)
-            uid, seed = self._uids[world], int(self._seeds[world])
+            flown, file = self._landed.pop(world)
+            uid = self._uids[world]
             self.written[uid] = file.result().sha256
-            (self.result.demos if success else self.result.failures).append(seed)
-            self.result.flights[uid] = Flown(seed, int(self._steps[world]), success, float(self._returns[world]))
+            (self.result.failures if flown.failure else self.result.demos).append(flown.seed)
+            self.result.flights[uid] = flown
             written[world] = True
         return written
 

@@ -17,7 +17,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 Group = Literal["proprio", "task", "image"]
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
 FIRST_NAMED = ("robot", "task", "tier", "controller", "action.level")  # of what differs between two
-DESCRIBES = ("frame", "meaning", "noise", "real")  # a field, and may be said otherwise
+DESCRIBES = ("frame", "meaning", "noise", "real", "instruction")  # a field or a task, and may be said otherwise
 UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 

@@ -9,7 +9,7 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -23,7 +23,7 @@ from aerial_il.core.places import claim_folder
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.recording.writer import storing
 
-INDEX, LOG = "dataset.yaml", "recordings.jsonl"
+INDEX, LOG, LINEAGE = "dataset.yaml", "recordings.jsonl", "lineage.json"
 DEMOS, FAILURES, SALVAGED = "demos", "failures", "salvaged"
 KINDS = (DEMOS, FAILURES)
 
@@ -100,20 +100,24 @@ class DatasetFolder:
             InvalidValueError: there is something of somebody else's.
         """
         if self.spec() is None:
-            claim_folder(self.path, (LOG, "*/*.mcap", "*/*.mcap.part"))
+            claim_folder(self.path, (LOG, LINEAGE, "*/*.mcap", "*/*.mcap.part"))
 
-    def write_index(self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({})) -> None:
+    def write_index(
+        self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({}), *, leaving: Collection[str] = ()
+    ) -> None:
         """List all finished episodes with their SHA-256.
 
         Args:
             spec: the environment.
             written: uid -> SHA-256 of what was just written; of others not listed yet the file is read.
+            leaving: uids that are not to be listed, as their files are about to be changed or moved.
         """
         known = self.read_index()
         listed = {
             kind: {
                 file.stem: known.get(kind, {}).get(file.stem) or written.get(file.stem) or sha256_of(file)
                 for file in self.files(kind)
+                if file.stem not in leaving
             }
             for kind in KINDS
         }
@@ -137,7 +141,7 @@ class DatasetFolder:
                 target = self.path / kind / file.name
                 with storing(target):
                     target.parent.mkdir(parents=True, exist_ok=True)
-                    _link(file, target)
+                    link(file, target)
 
     def log(self, entry: Mapping[str, Any]) -> None:
         """Append a line to ``recordings.jsonl``, the place for what varies from run to run, such as wall time."""
@@ -176,7 +180,7 @@ class DatasetFolder:
         return target
 
 
-def _link(source: Path, target: Path) -> None:
+def link(source: Path, target: Path) -> None:
     """Make ``target``, unless it is there, another name of ``source``, or a copy of it on another disk."""
     aside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     if target.exists():

@@ -102,6 +102,11 @@ def flown_by_hand(provenance: Mapping[str, Any]) -> bool:
     return HUMAN in str(provenance.get("policy", ""))
 
 
+def operator_of(provenance: Mapping[str, Any]) -> str:
+    """Return the name of the person who flew an episode, or took over in it; empty where nobody did."""
+    return str(provenance.get("policy", "")).partition(HUMAN)[2]
+
+
 def engine_of(provenance: Mapping[str, Any]) -> str:
     """Return the version of the suite's engine that an episode was flown with."""
     return str(provenance.get("engine", FIRST_ENGINE))

@@ -156,11 +156,11 @@ def _sources(settings: Generate) -> list[Source]:
 
 def _check_place(settings: Generate) -> None:
     """Refuse to write among the sources, or among what is somebody else's, before anything is read."""
-    from pathlib import Path
+    from os.path import realpath
 
     from aerial_il.data.folder import DatasetFolder
 
-    if Path(settings.out).resolve() == Path(settings.dataset).resolve():
+    if realpath(settings.out) == realpath(settings.dataset):
         raise InvalidValueError(f"out={settings.out} is where the sources are: name another folder.")
     DatasetFolder(settings.out).require_own()
 

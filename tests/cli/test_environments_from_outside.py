@@ -27,18 +27,25 @@ QUIET = "progress=false"
 SMALL = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorithm.steps=2"]
 CLONE = [*SMALL, "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]
 OPENING = {  # every command that opens a folder or a file, and the ways in which it does
+    "browse": [["demos", "out=seen.html"]],
     "collect": [["env=gymnasium:CartPole-v1", "policy=policy", "episodes=1", "out=flown"]],
     "compare": [["policy", "policy"]],
     "convert": [["demos"]],
+    "delete": [["demos", "where=seed == 3"]],
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
+    "filter": [["demos", "where=seed < 2", "out=kept"]],
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
+    "judge": [["demos"]],
+    "merge": [["demos", "demos", "out=merged"]],
     "recover": [["demos"]],
+    "relabel": [["demos", "where=seed == 0", "tag=first"]],
     "replay": [["demos"]],
     "report": [["run"], ["policy"]],
     "reward": [["run", "dataset=demos"]],
     "runs": [[".", "page=true", "compare=true"], ["run", "json=true"]],
+    "split": [["demos", "parts=[a=0.5,b=0.5]", "out=split"]],
     "train": [
         ["from=run", "run=new"],
         ["from=asked", "run=new", "dataset=demos"],
@@ -53,6 +60,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
         ["robot=quad", "task=hover", "out=demos", "open=false", "port=0"],
         ["robot=quad", "task=hover", "policy=policy", "out=flown", "open=false", "port=0"],
     ],
+    "undo": [["demos"]],
     "validate": [["demos"], ["demos", "replay=true"]],
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }

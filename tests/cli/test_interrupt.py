@@ -20,17 +20,24 @@ from tests.patience import HANG_S
 ANSWER_S = 2.0  # of the processor, from Ctrl-C on
 AT_ONCE = {
     "compare",
+    "delete",
     "doctor",
+    "filter",
     "info",
     "list",
+    "merge",
     "new",
     "recover",
+    "relabel",
     "reward",
     "runs",
+    "split",
+    "undo",
     "validate",
 }  # done before one presses
 LONG = {  # command -> what is typed, and the sign on stderr or stdout that it is at work
     "bench": (["experts", "bench.episodes=2000"], "bench"),
+    "browse": (["demos", "port=0", "open=false"], "http"),
     "collect": (["task=pick_place", "episodes=5000", "num_envs=8", "out=OUT/d"], "collect:"),
     "convert": (["demos", "out=OUT/l"], "convert:"),
     "demo": (["task=pick_place", "episodes=5000", "out=OUT/demo"], "collect:"),
@@ -40,6 +47,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
     "replay": (["demos"], "replay:"),
+    "judge": (["demos"], "judge:"),
     "report": (["demos", "out=OUT/page.html"], ""),
     "teleop": (["task=reach", "out=OUT/hand", "port=0", "open=false"], "http"),
     "train": (["dataset=demos", "run=OUT/r"], "train bc"),

@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
-from aerial_il.workflows.info import CACHE, Info, info
+from aerial_il.data.table import CACHE
+from aerial_il.workflows.info import Info, info
 
 Shown = Callable[[str], Path]
 pytestmark = pytest.mark.usefixtures("no_commit")

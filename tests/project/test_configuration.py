@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from itertools import zip_longest
 
 import pytest
@@ -91,7 +92,9 @@ def test_the_examples_of_a_command_are_valid(name: str) -> None:
     command = commands.find(name)
     for line in command.doc.splitlines():
         if line.startswith(f"Example: aerial-il {name}"):
-            words = [word for word in line.split()[3:] if not word.startswith("from=")]  # of a run that is not here
+            words = [
+                word for word in shlex.split(line)[3:] if not word.startswith("from=")
+            ]  # of a run that is not here
             said = read(command, words)
             settings_of(command, said.overrides)
             chosen_of(LAUNCHER, said.apart[LAUNCHER])

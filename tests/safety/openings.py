@@ -12,11 +12,11 @@ from tests.safety.hostile import Sound
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
     "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
-    "filter_key", "flight_tier", "flights", "hardware", "host", "key_file", "operator", "prune", "sort", "success",
-    "time_scale", "tracker", "ui", "viewer", "where",
+    "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "operator", "parts", "prune",
+    "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
-    ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
+    ("browse", "out"), ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
 FLOWN = ["episodes=1", "threads=1", QUIET]
@@ -40,20 +40,28 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
     train = ["run=new", *CLONE, "threads=1", QUIET]
     dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
     return {
+        ("browse", "dataset"): ["out=seen.html", QUIET],
         ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
         ("collect", "expert"): ["robot=quad", "task=hover", "out=flown", *FLOWN],
         ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],
         ("compare", "result"): [],
         ("convert", "path"): ["out=converted", QUIET],
+        ("delete", "dataset"): ["where=steps >= 0", QUIET],
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
+        ("filter", "dataset"): ["where=steps >= 0", "out=kept", QUIET],
+        ("filter", "out"): [dataset, "where=steps >= 0", QUIET],
         ("generate", "dataset"): ["out=made", *FLOWN],
         ("generate", "out"): [dataset, *FLOWN],
         ("info", "path"): [],
         ("inspect", "path"): ["save=seen.rrd"],
         ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
         ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("judge", "dataset"): [QUIET],
+        ("merge", "datasets"): ["out=merged", "mix=true", QUIET],
+        ("merge", "out"): [f"datasets=[{sound.dataset},{sound.dataset}]", QUIET],
         ("recover", "path"): [],
+        ("relabel", "dataset"): ["where=steps >= 0", "tag=seen", QUIET],
         ("replay", "path"): [QUIET],
         ("report", "result"): ["out=report.html"],
         ("report", "run"): ["out=report.html"],
@@ -62,11 +70,14 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("reward", "run"): [dataset, "out=reward.svg"],
         ("reward", "dataset"): [f"run={sound.run}", "out=reward.svg"],
         ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
+        ("split", "dataset"): ["out=parts", QUIET],
+        ("split", "out"): [dataset, QUIET],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],
         ("train", "dataset"): train,
         ("train", "from"): [dataset, *train],
         ("train", "expert"): [dataset, "algorithm=dagger", *train],
         ("train", "run"): [dataset, *train[1:]],
+        ("undo", "dataset"): [QUIET],
         ("validate", "path"): [QUIET],
         ("view", "policy"): [ENV, "viewer=page", "out=seen.html", QUIET],
         ("view", "recording"): ["viewer=page", "out=seen.html", QUIET],
@@ -75,5 +86,6 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
 
 def words(name: str, key: str, value: object, sound: Sound) -> list[str]:
     """Return the command line that has a command open ``value`` through one of its keys."""
-    typed = f"{{10:{value}}}" if key == "learning_curve" else value
+    shapes = {"learning_curve": f"{{10:{value}}}", "datasets": f"[{value},{sound.dataset}]"}
+    typed = shapes.get(key, value)
     return [name, f"{key}={typed}", *beside(sound)[name, key]]

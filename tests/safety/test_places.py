@@ -17,6 +17,7 @@ from tests.safety.hostile import Sound, trace
 FLOWN = ["success=survived", "max_steps=5", "episodes=1", "threads=1", QUIET]
 Words = Callable[[Sound, Path], list[str]]
 FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and what is typed
+    "browse": (".html", lambda s, out: ["browse", f"dataset={s.dataset}", f"out={out}", QUIET]),
     "convert to robomimic": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
     "convert to d4rl": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", "format=d4rl", f"out={out}", QUIET]),
     "convert to rerun": (".rrd", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
@@ -36,6 +37,9 @@ FOLDERS: dict[str, Words] = {
     "convert for ROS": lambda s, out: ["convert", f"path={s.dataset}", "format=mcap", f"out={out}", QUIET],
     "collect": lambda s, out: ["collect", ENV, "policy=random", f"out={out}", *FLOWN],
     "generate": lambda s, out: ["generate", f"dataset={s.dataset}", f"out={out}", "episodes=1", QUIET],
+    "merge": lambda s, out: ["merge", str(s.dataset), str(s.dataset), f"out={out}", QUIET],
+    "split": lambda s, out: ["split", f"dataset={s.dataset}", f"out={out}", QUIET],
+    "filter": lambda s, out: ["filter", f"dataset={s.dataset}", "where=steps > 0", f"out={out}", QUIET],
     "evaluate": lambda s, out: ["evaluate", f"policy={s.run}", ENV, f"out={out}", "videos=0", *FLOWN],
     "train": lambda s, out: ["train", f"dataset={s.dataset}", f"run={out}", *CLONE, "threads=1", QUIET],
     "pages": lambda s, out: ["docs", f"out={out}", "site=null"],

@@ -13,9 +13,10 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
 from aerial_il.data import dataset as opened
+from aerial_il.data.table import CACHE
 from aerial_il.workflows.collect import Collect
 from aerial_il.workflows.collect import collect as record_as_typed
-from aerial_il.workflows.info import CACHE, Info, info
+from aerial_il.workflows.info import Info, info
 from experiments.foreign import layouts
 from tests.data.crane import CraneBatch, CraneExpert
 

@@ -97,6 +97,12 @@ def decode_episode(path: Path, *, cameras: bool | Sequence[str] = False, states:
     return replace(episode, obs={**episode.obs, **pictures})
 
 
+def read_origin(path: Path) -> Mapping[str, Any]:
+    """Return the provenance of the episode at ``path``, of which nothing else is decoded."""
+    contents = scan(path)
+    return {**read_head(path, contents).provenance, **read_outcome(path, contents).provenance}
+
+
 def read_head(path: Path, contents: Contents) -> Head:
     """Read the metadata that precede the messages."""
     hint = "It was not recorded by aerial_il, or by another version."

@@ -1,1 +1,1 @@
-"""Commands about recorded datasets: what they hold, whether they can be trusted, other formats."""
+"""Commands about recorded datasets: what they hold, whether they can be trusted, curation, other formats."""

@@ -1,6 +1,7 @@
 """Say what a dataset holds: the environment, its fields, how its episodes were made, and each of them.
 
 Example: aerial-il info datasets/pick
+Example: aerial-il info datasets/pick where="not success and phase == 'grasp'"
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import Any
 
 from aerial_il.cli.as_json import AsJson
 from aerial_il.cli.tables import table, wrapped
-from aerial_il.workflows.info import MADE_BY, Info, info
+from aerial_il.data.columns import LABELS, MADE_BY
+from aerial_il.workflows.info import Info, info
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +45,8 @@ def _as_text(described: dict[str, Any]) -> str:
         where = (f"{described['format']}," if known else described["format"], known)
         total += f": {sum(e['steps'] for e in episodes)} steps at {1 / described['control_dt_s']:g} Hz"
         made_by = []
-    shown = [{key: e[key] for key in e if key not in MADE_BY} for e in episodes]
+    hidden = {*MADE_BY, "instruction", *(key for key in LABELS if not any(e[key] for e in episodes))}
+    shown = [{key: e[key] for key in e if key not in hidden} for e in episodes]
     notes = [_warning(described["repeated_seeds"])] if described["repeated_seeds"] else []
     head = f"{described['path']}: {' '.join(filter(None, where))}. {described['instruction']}"
     parts = [wrapped(head), wrapped(action), table(described["fields"]), total, *made_by, *notes, table(shown)]

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import KINDS, DatasetFolder
 from aerial_il.data.provenance import conditions_of, made_by
-from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.reader import read_origin
 
 
 def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]) -> None:
@@ -24,13 +25,28 @@ def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]
         InvalidValueError: no flight there was made like it; names what differs.
     """
     there = _one_of_each(folder)
-    if not there or made_by(uid) in there:
-        return
+    if there and made_by(uid) not in there:
+        _refuse(folder.path, [read_origin(file) for file in there.values()], provenance)
+
+
+def check_alike(dataset: Dataset, other: Dataset) -> None:
+    """Refuse to put two datasets together of which the second has flights made as none of the first.
+
+    Raises:
+        InvalidValueError: names what differs.
+    """
+    there = {made_by(episode.uid): episode.provenance for episode in dataset.one_of_each()}
+    for episode in other.one_of_each():
+        if made_by(episode.uid) not in there:
+            _refuse(dataset.path, [*there.values()], episode.provenance)
+
+
+def _refuse(path: Path, there: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> NoReturn:
     mine = conditions_of(provenance)
-    differing = [_differences(conditions_of(read_episode(file).provenance), mine) for file in there.values()]
-    nearest = min(differing, key=len) or ["the specification of the environment"]
+    nearest = min((_differences(conditions_of(each), mine) for each in there), key=len)
     raise InvalidValueError(
-        f"{folder.path} holds flights made with other settings: {'; '.join(nearest)} (existing != requested). "
+        f"{path} holds flights made with other settings: "
+        f"{'; '.join(nearest or ['the specification of the environment'])} (existing != requested). "
         "Choose another folder with out=PATH, or set mix=true to keep both in one."
     )
 

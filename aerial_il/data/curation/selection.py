@@ -1,0 +1,63 @@
+"""Choose episodes by a condition on their rows in the table, or on their provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from aerial_il.core.errors import DemoError, InvalidValueError
+from aerial_il.core.progress import Progress
+from aerial_il.data.curation.where import Where
+from aerial_il.data.dataset import Dataset
+from aerial_il.data.recording.reader import read_origin
+from aerial_il.data.table import Row, read_table
+
+
+def select(dataset: Dataset, where: str, *, progress: bool = False) -> list[Row]:
+    """Return the rows of the episodes for which a condition holds, at least one.
+
+    Args:
+        dataset: opened with ``failures=True``. where: see :mod:`.where`. progress: show a bar while files are read.
+
+    Raises:
+        UnknownNameError: it asks for a column that there is not.
+        InvalidValueError: it is no condition, or holds for none; says of how many each of its clauses does.
+    """
+    condition = Where.parse(where)
+    rows = read_table(dataset, progress=progress)
+    if not rows:
+        raise InvalidValueError(f"{dataset.path} has no episode that can be read.")
+    first = _origin(dataset, rows[0]["uid"])
+    condition.require(rows[0], first)
+    clauses, needs_origin = condition.clauses, bool(condition.mappings or condition.names - rows[0].keys())
+    chosen, counts = list[Row](), [0] * len(clauses)
+    for row in Progress(rows, desc="select", unit="ep", disable=not progress):
+        origin = _origin(dataset, row["uid"]) if needs_origin else {}
+        held = [clause.holds(row, origin) for clause in clauses]
+        counts = [count + holds for count, holds in zip(counts, held, strict=True)]
+        if all(held):
+            chosen.append(row)
+    if not chosen:
+        said = "; ".join(f"{clause.text}: {count}" for clause, count in zip(clauses, counts, strict=True))
+        raise InvalidValueError(f"where={where} holds for none of {len(rows)} episodes in {dataset.path} ({said}).")
+    return chosen
+
+
+def named(dataset: Dataset, uids: Collection[str]) -> list[Row]:
+    """Return the rows of the episodes of these names, at least one.
+
+    Raises:
+        DemoError: the dataset has no such episode. InvalidValueError: none is named.
+    """
+    if not uids:
+        raise InvalidValueError("No episode is marked.")
+    if unknown := sorted({*uids} - {*dataset.uids}):
+        hint = f"List them with: aerial-il info path={dataset.path}"
+        raise DemoError(dataset.path, f"has no episode {unknown[0]!r}.", hint=hint)
+    wanted = {*uids}
+    return [row for row in read_table(dataset) if row["uid"] in wanted]
+
+
+def _origin(dataset: Dataset, uid: str) -> Mapping[str, Any]:
+    file = dataset.files.get(uid)
+    return dataset[uid].provenance if file is None else read_origin(file)

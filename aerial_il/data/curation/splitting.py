@@ -1,0 +1,56 @@
+"""Divide the episodes of a dataset into parts that are alike: as many successes, tags and operators in each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.table import Row
+
+ALIKE = ("task", "success", "tag", "operator")  # what every part has its share of
+ROUNDING = 1e-6
+
+
+def read_shares(parts: Sequence[str]) -> dict[str, float]:
+    """Return name -> share of ``train=0.8`` and the like, two or more that sum to 1.
+
+    Raises:
+        InvalidValueError: they are no parts.
+    """
+    shares = dict[str, float]()
+    for part in parts:
+        name, _, share = part.partition("=")
+        try:
+            shares[name] = float(share)
+        except ValueError:
+            raise InvalidValueError(f"parts: {part!r} is no NAME=SHARE, such as train=0.8.") from None
+        if not name.isidentifier() or not shares[name] > 0:
+            raise InvalidValueError(f"parts: {part!r} needs a plain name and a share above 0, such as train=0.8.")
+    if len(shares) < 2 or len(shares) < len(parts) or abs(sum(shares.values()) - 1) > ROUNDING:
+        raise InvalidValueError(
+            f"parts=[{','.join(parts)}]: give two or more of different names whose shares sum to 1."
+        )
+    return shares
+
+
+def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[str, list[Row]]:
+    """Return name -> rows of its part; the same for the same episodes, shares and seed, whatever their order.
+
+    Episodes of one kind follow each other in random order, and each goes to the part that is furthest behind its share.
+
+    Raises:
+        InvalidValueError: there are too few episodes for a part to get one.
+    """
+    rng = np.random.default_rng(seed)
+    ordered = sorted(rows, key=lambda row: row["uid"])
+    shuffled = [ordered[i] for i in rng.permutation(len(ordered))]
+    shuffled.sort(key=lambda row: [str(row[name]) for name in ALIKE])
+    parts = {name: list[Row]() for name in shares}
+    for count, row in enumerate(shuffled, start=1):
+        behind = max(shares, key=lambda name: shares[name] * count - len(parts[name]))
+        parts[behind].append(row)
+    if empty := [name for name, part in parts.items() if not part]:
+        raise InvalidValueError(f"{len(rows)} episodes are too few: none is left for {', '.join(empty)}.")
+    return {name: sorted(part, key=lambda row: row["uid"]) for name, part in parts.items()}
