@@ -29,7 +29,7 @@ def test_evaluations_on_other_seeds_are_refused(seed: int, episodes: int) -> Non
     [
         (Imitation, {"algorithms": {**Imitation().algorithms, "mlp": BC(lr=1e-4)}}, "bench.algorithms.mlp"),
         (Dagger, {"cloning": BC(steps=500)}, "bench.cloning"),
-        (Generation, {"noise": 0.3}, "bench.noise"),
+        (Generation, {"noise": 0.7}, "bench.noise"),
         (FromPrior, {"suited": {"insert_peg": {"dapg": {"gamma": 0.9}}}}, "bench.suited.insert_peg"),
     ],
 )
