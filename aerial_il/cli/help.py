@@ -15,7 +15,8 @@ from aerial_il.core.schema import FROM, Key, options
 
 _ORDER = (
     "demo", "list", "view", "collect", "generate", "browse", "judge", "merge", "split", "filter", "relabel", "delete",
-    "undo", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert",
+    "undo", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert", "card",
+    "publish",
 )  # fmt: skip
 _WIDTH, _COLUMNS = 34, 120
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ENDINGS, OWN_NAME = ("",), "lerobot"
 PARTS = ("meta/**/*", "data/**/*", "videos/**/*")
+README, PAGE = "README.md", "card.html"  # beside these, written by aerial-il card
 
 
 def recognises(path: Path) -> bool:

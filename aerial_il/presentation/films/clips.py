@@ -6,6 +6,7 @@ Films are named after their content: made once, used again as long as scene and 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,6 +81,22 @@ def make_clips(episode: Episode, subtasks: np.ndarray, folder: Path) -> FlightCl
             old.unlink()
         _make(clips, scene, episode, part)
     return clips
+
+
+def short_film(episode: Episode, path: Path) -> int:
+    """Write a film of a whole flight that lasts some seconds, and return how many times faster than real time it is.
+
+    Args:
+        episode: a flight with its states. path: MP4 file.
+    """
+    dt = episode.spec.control_dt_s
+    stride, rate = rate_of(dt, FPS)
+    speed = math.ceil(len(episode) * dt / LONGEST_S)
+    with SceneRenderer(episode.model_xml) as scene:
+        view = scene.frame(episode.states, FILM_SIZE[1] / FILM_SIZE[0])
+        steps = range(0, len(episode) + 1, stride * speed)
+        write_mp4(path, _frames(scene, episode, steps, view), rate=rate, hold_frames=round(HOLD_S * rate))
+    return speed
 
 
 def excerpt(subtasks: np.ndarray, dt: float) -> Excerpt:
