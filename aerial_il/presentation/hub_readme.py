@@ -7,34 +7,41 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import yaml
 
+from aerial_il.core.lerobot_names import ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.places import README_SIGN
-from aerial_il.core.specs import UNKNOWN
+from aerial_il.core.specs import UNKNOWN, EnvSpec, camera_name
 from aerial_il.data.summary import Summary
 from aerial_il.presentation.markdown import table
 
 SIZES = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M", 10_000_000: "1M<n<10M"}
 LARGEST = "n>10M"
+FEATURES = {"proprio": STATE, "task": ENVIRONMENT}
 _SIGNS = re.compile(r"([\\`*_{}\[\]()#+!|~-])")
 
 
 def hub_readme(
-    summary: Summary, *, title: str, license: str | None, load: Sequence[str], lerobot: bool, page: str = ""
+    summary: Summary,
+    *,
+    title: str,
+    license: str | None,
+    load: Sequence[str],
+    features: Collection[str] | None = None,
+    page: str = "",
 ) -> str:
     """Return the README.
 
     Args:
         summary: of the dataset. title: its name.
         license: identifier of the hub's; None leaves it out. load: lines of Python that open it.
-        lerobot: whether it is a LeRobot dataset. page: name of the page that lies beside the README, if one does.
+        features: names of what a LeRobot dataset has; None for a dataset that is none.
+        page: name of the page that lies beside the README, if one does.
     """
     spec, rows = summary.coverage.spec, summary.rows
     seconds, won = sum(row["seconds"] for row in rows), sum(row["success"] for row in rows)
-    observed = spec.observation
-    fields = [(plain(f.name), "×".join(map(str, f.shape)), plain(f.unit), plain(f.meaning)) for f in observed.fields]
     bounds = zip(spec.action.labels, spec.action.units, spec.action.low, spec.action.high, strict=True)
     actions = [(plain(label), plain(unit), f"{low:.4g}", f"{high:.4g}") for label, unit, low, high in bounds]
     facts = {
@@ -46,7 +53,7 @@ def hub_readme(
         "actions": plain(spec.action.level),
     }
     parts = [
-        _front_matter(summary, title, license, lerobot),
+        _front_matter(summary, title, license, lerobot=features is not None),
         f"# {plain(title)}",
         plain(spec.instruction),
         f"What it covers, with figures: [{page}]({page}); download it, it opens offline." if page else "",
@@ -54,7 +61,7 @@ def hub_readme(
         "## Load it",
         "\n".join(["```python", *load, "```"]),
         "## Observations",
-        table(("field", "shape", "unit", "meaning"), fields),
+        _observations(spec, features),
         "## Actions",
         table(("element", "unit", "lower bound", "upper bound"), actions),
     ]
@@ -70,10 +77,23 @@ def hub_tags(summary: Summary, *, lerobot: bool) -> list[str]:
 
 def plain(text: str) -> str:
     """Return text that Markdown shows as it stands, on one line."""
-    return _SIGNS.sub(r"\\\1", html.escape(" ".join(text.split())))
+    return _SIGNS.sub(r"\\\1", html.escape(" ".join(text.split()), quote=False))
 
 
-def _front_matter(summary: Summary, title: str, license: str | None, lerobot: bool) -> str:
+def _observations(spec: EnvSpec, features: Collection[str] | None) -> str:
+    """Return the table of the fields, and of a LeRobot dataset of ours the feature in which each is."""
+    columns, rows = ("field", "shape", "unit", "meaning"), []
+    told = features is not None and not spec.is_foreign
+    for field in spec.observation.fields:
+        feature = FEATURES.get(field.group) or IMAGES + camera_name(field.name)
+        if told and feature not in (features or ()):
+            continue
+        row = (plain(field.name), "×".join(map(str, field.shape)), plain(field.unit), plain(field.meaning))
+        rows.append((*row, f"`{feature}`") if told else row)
+    return table((*columns, "in") if told else columns, rows)
+
+
+def _front_matter(summary: Summary, title: str, license: str | None, *, lerobot: bool) -> str:
     steps = sum(row["steps"] for row in summary.rows)
     data = {
         **({"license": license} if license else {}),

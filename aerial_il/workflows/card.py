@@ -78,7 +78,7 @@ def card(settings: Card) -> CardFiles:
     if readme:
         lines = parts.lerobot_loading(None, path) if of_hub else load
         beside = page.name if page.resolve().parent == readme.resolve().parent else ""
-        title = path.resolve().name
-        text = hub_readme(summary, title=title, license=settings.license, load=lines, lerobot=of_hub, page=beside)
+        title, features = path.resolve().name, lerobot.features_of(path) if of_hub else None
+        text = hub_readme(summary, title=title, license=settings.license, load=lines, features=features, page=beside)
         write_atomic(readme, text)
     return CardFiles(page, readme, note)

@@ -92,7 +92,8 @@ def publish(settings: Publish) -> Published:
     )  # fmt: skip
     readme, note, address = out / lerobot.README, "", ""
     if not readme.exists() or is_ours(readme, README_SIGN):
-        text = hub_readme(summary, title=title, license=settings.license, load=load, lerobot=True, page=page.name)
+        features = lerobot.features_of(out)
+        text = hub_readme(summary, title=title, license=settings.license, load=load, features=features, page=page.name)
         write_atomic(readme, text)
     else:
         note = f"{readme} is yours and left as it is."

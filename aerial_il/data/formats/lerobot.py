@@ -54,6 +54,13 @@ def is_current(dataset: Dataset, out: Path) -> bool:
         return False
 
 
+def features_of(path: Path) -> list[str]:
+    """Return the names of a dataset's features."""
+    from aerial_il.data.formats.parts.lerobot.files import check_lerobot
+
+    return [*check_lerobot(path)["features"]]
+
+
 def altered(path: Path) -> list[Path]:
     from aerial_il.data.formats.parts.lerobot import files
 

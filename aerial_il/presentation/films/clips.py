@@ -29,6 +29,7 @@ POSTER_SIZE = (480, 640)
 STILL_SIZE = (180, 240)
 FPS, EXPOSURES = 12.5, QUICK  # pictures a second, and exposures of each
 TRAIL_S = 2.0
+SHORT_S, SHORT_FPS, SHORT_SIZE = 4.0, 8.0, (216, 288)  # of a film that is one of several on a page
 
 
 @dataclass(frozen=True)
@@ -90,12 +91,12 @@ def short_film(episode: Episode, path: Path) -> int:
         episode: a flight with its states. path: MP4 file.
     """
     dt = episode.spec.control_dt_s
-    stride, rate = rate_of(dt, FPS)
-    speed = math.ceil(len(episode) * dt / LONGEST_S)
+    stride, rate = rate_of(dt, SHORT_FPS)
+    speed = math.ceil(len(episode) * dt / SHORT_S)
     with SceneRenderer(episode.model_xml) as scene:
-        view = scene.frame(episode.states, FILM_SIZE[1] / FILM_SIZE[0])
-        steps = range(0, len(episode) + 1, stride * speed)
-        write_mp4(path, _frames(scene, episode, steps, view), rate=rate, hold_frames=round(HOLD_S * rate))
+        view = scene.frame(episode.states, SHORT_SIZE[1] / SHORT_SIZE[0])
+        frames = _frames(scene, episode, range(0, len(episode) + 1, stride * speed), view, SHORT_SIZE)
+        write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
     return speed
 
 
@@ -130,11 +131,13 @@ def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Exce
     _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE, exposures=STILL))
 
 
-def _frames(scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint) -> Iterator[np.ndarray]:
+def _frames(
+    scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint, size: tuple[int, int] = FILM_SIZE
+) -> Iterator[np.ndarray]:
     traces = traces_of(episode, scene)
     for step in steps:
         marks = traces.marks(step, since_s=TRAIL_S)
-        yield scene.draw(episode.states[step], view, *FILM_SIZE, exposures=EXPOSURES, marks=marks)
+        yield scene.draw(episode.states[step], view, *size, exposures=EXPOSURES, marks=marks)
 
 
 def _save(path: Path, picture: np.ndarray) -> None:

@@ -32,6 +32,7 @@ SPLITS = {
 MOST_LINES = 40  # of a table
 MOST_MAPS = 4  # kinds of places whose starts are drawn
 USED = (0.01, 0.99)  # quantiles between which lies what is used of a range
+DECIMALS = 9  # beyond which a number is the noise of its arithmetic
 TOOL, VIEWS = "ee_pos", (("from above", 0, 1), ("from the side", 0, 2))
 
 
@@ -99,6 +100,7 @@ def write_card(
         lineage: what it was made of and how, if it was derived.
     """
     rows, coverage = summary.rows, summary.coverage
+    splits = {key: split for key in SPLITS if (split := by(rows, key))}
     return write_page(
         path,
         "card.html.j2",
@@ -108,7 +110,8 @@ def write_card(
         left_out=summary.left_out,
         others=coverage.others,
         lengths=lengths(rows),
-        splits={title: split for key, title in SPLITS.items() if (split := by(rows, key))},
+        splits={SPLITS[key]: split for key, split in splits.items() if len(split) > 1},
+        alike={SPLITS[key]: split[0].name for key, split in splits.items() if len(split) == 1},
         starts=starts(coverage),
         places=places(coverage),
         actions=action_strips(coverage),
@@ -184,10 +187,10 @@ def action_strips(coverage: Coverage) -> list[Strip]:
     for k, label in enumerate(bounds.labels):
         low, high = float(bounds.low[k]), float(bounds.high[k])
         inner = np.quantile(values[:, k], USED)
-        seen = float(coverage.low[k - bounds.size]), float(coverage.high[k - bounds.size])
+        seen = tuple(round(float(ends[k - bounds.size]), DECIMALS) for ends in (coverage.low, coverage.high))
         alt = f"{label}: {seen[0]:.3g} to {seen[1]:.3g} within its bounds {low:.3g} and {high:.3g}"
         svg = strip(values[:, k], low, high, alt=alt)
-        used, at_bound = float(np.ptp(inner)) / (high - low), float(coverage.at_bound[k]) / coverage.steps
+        used, at_bound = round(float(np.ptp(inner)) / (high - low), 4), float(coverage.at_bound[k]) / coverage.steps
         strips.append(Strip(label, bounds.units[k], low, high, svg, seen, used, at_bound))
     return strips
 
@@ -200,7 +203,7 @@ def state_strips(coverage: Coverage) -> list[Strip]:
     ]
     strips = []
     for k, (label, unit) in enumerate(labelled):
-        low, high = float(coverage.low[k]), float(coverage.high[k])
+        low, high = (round(float(ends[k]), DECIMALS) for ends in (coverage.low, coverage.high))
         strips.append(
             Strip(label, unit, low, high, strip(values[:, k], low, high, alt=f"{label}: {low:.3g} to {high:.3g}"))
         )

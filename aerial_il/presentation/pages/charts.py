@@ -16,7 +16,8 @@ from markupsafe import Markup, escape
 NARROW, WIDE, HEIGHT = 320.0, 440.0, 210.0
 LEFT, RIGHT, TOP, BOTTOM = 44.0, 12.0, 10.0, 36.0
 TALLEST = 420.0
-CELLS, STRIPES = 32, 48  # of a density across, and of a strip
+CELLS, STRIPES = (8, 32), 48  # of a density across, at least and at most; of a strip
+FEW = 200  # points, which are drawn one by one
 
 
 @dataclass(frozen=True)
@@ -192,14 +193,24 @@ def density(
     height = equal_height(x, y, width=NARROW)
     alt = f"{title}: {len(points)} points within {x_label} {x[0]:.3g} to {x[1]:.3g}, {y_label} {y[0]:.3g} to {y[1]:.3g}"
     plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, height=height)
-    sides = (np.linspace(*widen(*x), CELLS + 1), np.linspace(*widen(*y), round(CELLS * height / NARROW) + 1))
-    counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=sides)
-    for i, j in np.argwhere(counts).tolist():
-        where = tuple((float(side[k]), float(side[k + 1])) for side, k in zip(sides, (i, j), strict=True))
-        plot.cell(*where, counts[i, j] / counts.max(), title=f"{counts[i, j]:.0f}")
+    if len(points) <= FEW:
+        for point in points.tolist():
+            plot.dot(*point, "place", radius=2.5)
+    else:
+        _fill(plot, points, (x, y), height / NARROW)
     for point in [] if crosses is None else crosses.tolist():
         plot.cross(*point, "end bad", title="failure")
     return Figure(title, plot.svg(), note)
+
+
+def _fill(plot: Plot, points: np.ndarray, ends: Sequence[tuple[float, float]], aspect: float) -> None:
+    """Draw the cells of a density, in which points (N, 2) between two ends lie; ``aspect``: height over width."""
+    across = int(np.clip(math.sqrt(len(points)) / 2, *CELLS))
+    sides = [np.linspace(*widen(*pair), n + 1) for pair, n in zip(ends, (across, round(across * aspect)), strict=True)]
+    counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=sides)
+    for i, j in np.argwhere(counts).tolist():
+        x, y = ((float(side[k]), float(side[k + 1])) for side, k in zip(sides, (i, j), strict=True))
+        plot.cell(x, y, counts[i, j] / counts.max(), title=f"{counts[i, j]:.0f}")
 
 
 def strip(values: np.ndarray, lo: float, hi: float, *, alt: str) -> Markup:
