@@ -100,7 +100,7 @@ class Coverage:
 
     def _bounded(self, actions: np.ndarray) -> np.ndarray:
         bounds = self.spec.action
-        near = AT_BOUND * (bounds.high - bounds.low)
+        near = np.where(np.isfinite(bounds.reach), 2 * AT_BOUND * bounds.reach, 0.0)
         return ((actions < bounds.low + near) | (actions > bounds.high - near)).sum(0)
 
     def _count_phases(self, episode: Episode) -> None:

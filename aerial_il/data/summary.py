@@ -24,6 +24,7 @@ class Summary:
     Attributes:
         rows: of its table, with the columns of :mod:`.quality.judge` for the demonstrations that were judged.
         coverage: of states, actions and starts. left_out: episodes that could not be read.
+        assumed: what is taken for granted of it, as no file says so.
         judged: where the verdicts are from, or why there are none, in a sentence.
     """
 
@@ -31,6 +32,7 @@ class Summary:
     coverage: Coverage
     left_out: int
     judged: str
+    assumed: Sequence[str] = ()
 
     @property
     def suspects(self) -> list[Row]:
@@ -68,7 +70,7 @@ def summarise(dataset: Dataset, *, progress: bool = False) -> Summary:
         judged += f" {unjudged} demonstrations have no verdict: aerial-il judge gives them one."
     more = {**columns, **found}
     rows = [row | {name: more[name].get(row["uid"]) for name in more} for row in rows]
-    return Summary(rows, covered[0], len(dataset) - len(rows), judged)
+    return Summary(rows, covered[0], len(dataset) - len(rows), judged, dataset.survey.assumed)
 
 
 def _verdicts(episodes: Iterator[Episode], columns: Mapping[str, Any]) -> tuple[Mapping[str, Mapping[str, Any]], str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 import shutil
+from dataclasses import replace
 from html import unescape
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import yaml
 
 from aerial_il.cli.main import main
 from aerial_il.core.errors import DemoError
+from aerial_il.data.coverage import Coverage
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.summary import Summary, summarise
@@ -96,6 +98,19 @@ def test_coverage_is_that_of_all_steps(many: Path) -> None:
     assert sum(line.share for line in phases(coverage)) == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize("bounds", [(-np.inf, np.inf), (0.999999, 1.000001)])
+def test_bounds_may_be_far_or_close(bounds: tuple[float, float], dataset: Path) -> None:
+    flown = open_dataset(dataset)[0]
+    low, high = (np.full(2, end) for end in bounds)
+    spec = replace(flown.spec, action=replace(flown.spec.action, low=low, high=high))
+    coverage = Coverage.of(replace(flown, spec=spec), 1)
+    assert coverage.add(replace(flown, spec=spec, executed_actions=np.full_like(flown.executed_actions, 1.0)))
+    row = action_strips(coverage)[0]
+    assert row.seen == (1.0, 1.0)
+    assert row.used == (0.0 if np.isfinite(low[0]) else None)
+    assert row.svg.count("<rect") == 1
+
+
 def test_verdicts_are_those_that_were_kept(many: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(many, tmp_path / "judged"))
     anew = summary_of(folder)
@@ -126,6 +141,13 @@ def test_a_dataset_without_a_success_has_a_card(dataset: Path) -> None:
     html = card(Card(path=str(dataset), progress=False)).page.read_text()
     assert "0 episodes are too few to say which are unusual" in html
     assert "<video" not in html
+
+
+def test_what_no_file_says_is_said_to_be_assumed(many: Path, tmp_path: Path) -> None:
+    flat = tmp_path / "flat.hdf5"
+    assert main(["convert", str(many), "format=d4rl", f"out={flat}", QUIET]) == 0
+    assert main(["card", str(flat), QUIET]) == 0
+    assert "Taken for granted: a control period" in (tmp_path / "flat-card.html").read_text()
 
 
 @pytest.mark.parametrize("make", ["missing", "empty", "text"])

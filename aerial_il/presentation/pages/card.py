@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from aerial_il.core.specs import Field
+from aerial_il.core.specs import UNKNOWN, Field
 from aerial_il.data.coverage import Coverage
 from aerial_il.data.quality.judge import LIMITS
 from aerial_il.data.summary import Summary
@@ -108,10 +109,13 @@ def write_card(
         spec=coverage.spec,
         rows=rows,
         left_out=summary.left_out,
+        assumed=summary.assumed,
         others=coverage.others,
         lengths=lengths(rows),
         splits={SPLITS[key]: split for key, split in splits.items() if len(split) > 1},
-        alike={SPLITS[key]: split[0].name for key, split in splits.items() if len(split) == 1},
+        alike={
+            SPLITS[key]: split[0].name for key, split in splits.items() if len(split) == 1 and split[0].name != UNKNOWN
+        },
         starts=starts(coverage),
         places=places(coverage),
         actions=action_strips(coverage),
@@ -185,13 +189,14 @@ def action_strips(coverage: Coverage) -> list[Strip]:
     bounds, values = coverage.spec.action, coverage.actions
     strips = []
     for k, label in enumerate(bounds.labels):
+        least, most = (round(float(ends[k - bounds.size]), DECIMALS) for ends in (coverage.low, coverage.high))
         low, high = float(bounds.low[k]), float(bounds.high[k])
-        inner = np.quantile(values[:, k], USED)
-        seen = tuple(round(float(ends[k - bounds.size]), DECIMALS) for ends in (coverage.low, coverage.high))
-        alt = f"{label}: {seen[0]:.3g} to {seen[1]:.3g} within its bounds {low:.3g} and {high:.3g}"
-        svg = strip(values[:, k], low, high, alt=alt)
-        used, at_bound = round(float(np.ptp(inner)) / (high - low), 4), float(coverage.at_bound[k]) / coverage.steps
-        strips.append(Strip(label, bounds.units[k], low, high, svg, seen, used, at_bound))
+        alt = f"{label}: {least:.3g} to {most:.3g} within its bounds {low:.3g} and {high:.3g}"
+        bounded = math.isfinite(high - low)
+        used = round(float(np.ptp(np.quantile(values[:, k], USED))) / (high - low), 4) if bounded else None
+        at_bound = float(coverage.at_bound[k]) / coverage.steps if bounded else None
+        svg = strip(values[:, k], *((low, high) if bounded else (least, most)), alt=alt)
+        strips.append(Strip(label, bounds.units[k], low, high, svg, (least, most), used, at_bound))
     return strips
 
 

@@ -215,7 +215,7 @@ def _fill(plot: Plot, points: np.ndarray, ends: Sequence[tuple[float, float]], a
 
 def strip(values: np.ndarray, lo: float, hi: float, *, alt: str) -> Markup:
     """Draw how numbers (N,) lie between two ends as a strip: the more of them, the darker; it has no axes."""
-    counts, _ = np.histogram(values, bins=STRIPES, range=widen(lo, hi))
+    counts, _ = np.histogram(np.clip(values.astype(float), lo, hi), bins=STRIPES, range=widen(lo, hi))
     boxes = "".join(
         f'<rect class="cell" x="{k}" width="1.05" height="1" opacity="{shade(count / counts.max()):.2f}"/>'
         for k, count in enumerate(counts.tolist())
