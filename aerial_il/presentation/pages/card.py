@@ -30,9 +30,10 @@ SPLITS = {
     "task": "Task",
     "failure": "Failure",
 }
-MOST_LINES = 40  # of a table
+MOST_LINES = 12  # of a table
 MOST_MAPS = 4  # kinds of places whose starts are drawn
 USED = (0.01, 0.99)  # quantiles between which lies what is used of a range
+NO_SETTING = ("schema", "sources", "provenance", "command", "made_by")  # of a lineage
 DECIMALS = 9  # beyond which a number is the noise of its arithmetic
 TOOL, VIEWS = "ee_pos", (("from above", 0, 1), ("from the side", 0, 2))
 
@@ -228,8 +229,8 @@ def ancestry(lineage: Mapping[str, Any] | None) -> list[tuple[str, str]]:
     """Return how a dataset was made, then each of its sources and how that one was made, the nearest first."""
     if not lineage:
         return []
-    own = {key: value for key, value in lineage.items() if key not in ("schema", "sources", "provenance", "command")}
-    said = [(str(lineage.get("command", "made")), ", ".join(f"{key}={value}" for key, value in flat(own)))]
+    own = {key: value for key, value in lineage.items() if key not in NO_SETTING}
+    said = [(str(lineage.get("command", "made")), ", ".join(f"{key}={value}" for key, value in flat(own)) or "–")]
     for source in lineage.get("sources", ()):
         said.append(("from", f"{source['episodes']} episodes of {source['path']}"))
         said += ancestry(source.get("lineage"))

@@ -138,7 +138,7 @@ class Plot:
         self._parts.append(f'<rect class="{kind}" {box} rx="1">{_title(title)}</rect>')
 
     def cell(self, x: tuple[float, float], y: tuple[float, float], share: float, *, title: str) -> None:
-        """Fill a rectangle, the darker the larger its ``share`` in (0, 1] of what the darkest one has."""
+        """Fill a rectangle, with the fuller a colour the larger its ``share`` in (0, 1] of what the fullest has."""
         left, right, top, base = self.x(x[0]), self.x(x[1]), self.y(y[1]), self.y(y[0])
         box = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{base - top:.1f}"'
         self._parts.append(f'<rect class="cell" {box} opacity="{shade(share):.2f}">{_title(title)}</rect>')
@@ -180,27 +180,25 @@ def histogram(title: str, groups: Mapping[str, Sequence[float]], *, x_label: str
     return Figure(title, plot.svg())
 
 
-def density(
-    title: str, points: np.ndarray, *, x_label: str, y_label: str, crosses: np.ndarray | None = None, note: str = ""
-) -> Figure:
+def density(title: str, points: np.ndarray, *, x_label: str, y_label: str, crosses: np.ndarray | None = None) -> Figure:
     """Draw how many of the points (N, 2) lie where, a metre upwards as long as one sideways.
 
     Args:
         title: of the figure. points: at least one. x_label, y_label: quantities and units.
-        crosses: (K, 2) points that are marked one by one. note: sentence below it.
+        crosses: (K, 2) points that are marked one by one.
     """
     x, y = ((float(values.min()), float(values.max())) for values in points.T)
     height = equal_height(x, y, width=NARROW)
     alt = f"{title}: {len(points)} points within {x_label} {x[0]:.3g} to {x[1]:.3g}, {y_label} {y[0]:.3g} to {y[1]:.3g}"
     plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, height=height)
     if len(points) <= FEW:
-        for point in points.tolist():
-            plot.dot(*point, "place", radius=2.5)
+        for across, up in points.tolist():
+            plot.dot(across, up, "place", radius=2.5)
     else:
         _fill(plot, points, (x, y), height / NARROW)
-    for point in [] if crosses is None else crosses.tolist():
-        plot.cross(*point, "end bad", title="failure")
-    return Figure(title, plot.svg(), note)
+    for across, up in [] if crosses is None else crosses.tolist():
+        plot.cross(across, up, "end bad", title="failure")
+    return Figure(title, plot.svg())
 
 
 def _fill(plot: Plot, points: np.ndarray, ends: Sequence[tuple[float, float]], aspect: float) -> None:
@@ -214,7 +212,7 @@ def _fill(plot: Plot, points: np.ndarray, ends: Sequence[tuple[float, float]], a
 
 
 def strip(values: np.ndarray, lo: float, hi: float, *, alt: str) -> Markup:
-    """Draw how numbers (N,) lie between two ends as a strip: the more of them, the darker; it has no axes."""
+    """Draw how numbers (N,) lie between two ends as a strip: the more, the fuller its colour; it has no axes."""
     counts, _ = np.histogram(np.clip(values.astype(float), lo, hi), bins=STRIPES, range=widen(lo, hi))
     boxes = "".join(
         f'<rect class="cell" x="{k}" width="1.05" height="1" opacity="{shade(count / counts.max()):.2f}"/>'
@@ -226,7 +224,7 @@ def strip(values: np.ndarray, lo: float, hi: float, *, alt: str) -> Markup:
 
 
 def shade(share: float) -> float:
-    """Return how dark a cell is that has a ``share`` in (0, 1] of what the fullest one has; rare ones can be seen."""
+    """Return the opacity of a cell with a ``share`` in (0, 1] of what the fullest one has; rare ones can be seen."""
     return 0.15 + 0.85 * math.sqrt(share)
 
 
