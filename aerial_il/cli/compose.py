@@ -24,17 +24,25 @@ def perform(name: str, overrides: Sequence[str]) -> None:
 
 def compose(command: Command, typed: list[str]) -> Any:
     """Return the settings that typed words lead to, without running anything."""
-    return settings_of(command, words.read(command, typed).overrides)
+    read = words.read(command, typed)
+    return settings_of(command, read.overrides, read.earlier)
 
 
-def settings_of(command: Command, overrides: Iterable[str]) -> Any:
+def settings_of(command: Command, overrides: Sequence[str], earlier: Any = None) -> Any:
     """Return the settings that overrides lead to.
+
+    Args:
+        earlier: the settings that ``from`` names, where they have been read.
 
     Raises:
         UnknownNameError: there is no such key or choice. InvalidValueError: a value does not fit, or one is missing.
     """
     try:
-        return build(command.settings, said(command.settings, overrides))
+        if earlier is None:
+            parsed = _parsed(overrides)
+            place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
+            earlier = base_of(command.settings, getattr(place, "text", place), {each.key_or_group for each in parsed})
+        return build(command.settings, said(command.settings, overrides, earlier), base=earlier)
     except UnknownNameError as error:
         if error.kind != "key":
             raise
@@ -46,20 +54,21 @@ def settings_of(command: Command, overrides: Iterable[str]) -> Any:
         raise InvalidValueError(f"{command.name} needs {str(error).removeprefix(needs)} {command.hint}") from error
 
 
-def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
-    """Return what overrides say as nested plain values; they may refer to each other and to defaults, ``${seed}``."""
+def said(settings: type, overrides: Sequence[str], earlier: Any = None) -> dict[str, Any]:
+    """Return what overrides say as nested plain values; they may refer to each other and to defaults, ``${seed}``.
+
+    Args:
+        earlier: settings that stand for the defaults.
+    """
     from hydra.core.utils import setup_globals
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    given, values = list(overrides), dict[str, Any]()
-    parsed = _parsed(given)
+    values, parsed = dict[str, Any](), _parsed(overrides)
     setup_globals()  # for ${now:...}
-    place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
-    base = base_of(settings, getattr(place, "text", place), {each.key_or_group for each in parsed})
-    cfg = OmegaConf.create(_node(settings, base))
+    cfg = OmegaConf.create(_node(settings, earlier))
     try:
-        for word, each in zip(given, parsed, strict=True):
+        for word, each in zip(overrides, parsed, strict=True):
             if each.is_sweep_override():
                 raise InvalidValueError(f"{word} are several values: add -m to sweep over them.")
             OmegaConf.update(cfg, each.key_or_group, each.value(), merge=True, force_add=True)
@@ -70,7 +79,7 @@ def said(settings: type, overrides: Iterable[str]) -> dict[str, Any]:
                 place = place.setdefault(step, {})
             place[last] = OmegaConf.to_container(value, resolve=True) if OmegaConf.is_config(value) else value
     except (OmegaConfBaseException, AttributeError, TypeError) as error:
-        raise InvalidValueError(f"{' '.join(given)} does not go together: {_first_line(error)}") from error
+        raise InvalidValueError(f"{' '.join(overrides)} does not go together: {_first_line(error)}") from error
     return values
 
 

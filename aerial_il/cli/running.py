@@ -30,7 +30,7 @@ def run_command(command: Command, typed: list[str]) -> None:
     elif read.sweeps or read.apart[LAUNCHER]:
         _launch(command, read, command_line([command.name, *typed]))
     else:
-        command.run(settings_of(command, read.overrides))
+        command.run(settings_of(command, read.overrides, read.earlier))
 
 
 def _shown(command: Command, read: Typed) -> str:
@@ -39,7 +39,7 @@ def _shown(command: Command, read: Typed) -> str:
 
     if read.sweeps:
         return "\n".join(" ".join(said) for said, _ in points(command, read.overrides))
-    settings = settings_of(command, read.overrides)
+    settings = settings_of(command, read.overrides, read.earlier)
     choices = {key.name: key.kind for key in keys(command.settings) if key.takes == "choice"}
     whole = {name: chosen(kind, getattr(settings, name)) for name, kind in choices.items()}
     return yaml.safe_dump(plain(replace(settings, **whole)), sort_keys=False, allow_unicode=True).rstrip()
@@ -56,7 +56,7 @@ def _launch(command: Command, read: Typed, again: str) -> None:
         return
     if command.shards is None:
         raise InvalidValueError(f"launcher= is for sweeps, and {command.name} is a single run: add -m to sweep.")
-    settings = settings_of(command, read.overrides)
+    settings = settings_of(command, read.overrides, read.earlier)
     shards = [Job(command.name, (*read.overrides, *more), folder) for more, folder in command.shards(settings)]
     run_sweep(shards, launcher, again)
     command.run(settings)

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatch
 from pathlib import Path
+from typing import Any
 
 from aerial_il.cli.commands import Command
 from aerial_il.cli.known import known, not_there
@@ -37,12 +38,14 @@ class Typed:
         overrides: ``key=value``. sweeps: whether several values were asked for. shows: whether the settings are to be
             printed, instead of being run.
         apart: ``launcher`` and ``sweeper`` -> what was said of them, key -> value.
+        earlier: the settings that ``from`` names; None where nothing does.
     """
 
     overrides: tuple[str, ...]
     sweeps: bool = False
     shows: bool = False
     apart: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    earlier: Any = None
 
 
 def read(command: Command, words: list[str]) -> Typed:
@@ -78,7 +81,7 @@ def read(command: Command, words: list[str]) -> Typed:
     base = base_of(command.settings, dict(pairs).get(FROM), {*dict(pairs)})
     there = known(command.settings, _choices(command, named, sweeps), base=base)
     overrides = tuple(_override(_find(command, name, there), name, value, sweeps) for name, value in pairs)
-    return Typed(overrides, sweeps, SHOW in flags, apart)
+    return Typed(overrides, sweeps, SHOW in flags, apart, base)
 
 
 def literals(values: str) -> str:

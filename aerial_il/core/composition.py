@@ -34,7 +34,7 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
 
     Args:
         kind: a dataclass; its ``PRESETS`` names keys beside its own, each of which sets several of them; where it has
-            ``like(place, typed)``, the key ``from`` names earlier work, whose settings are the base.
+            ``like(place, typed)``, the key ``from`` names earlier work, whose settings are the base if none is handed.
         given: key -> value; mappings for groups, lists for tuples, names or mappings with a name for choices.
         at: where they stand, e.g. ``algorithm.``, for errors.
 
@@ -42,7 +42,8 @@ def build[S](kind: type[S], given: Mapping[str, Any], *, base: S | None = None, 
         UnknownNameError: there is no such setting or choice.
         InvalidValueError: a value does not fit, or one is missing.
     """
-    if (like := base_of(kind, given.get(FROM), {*given})) is not None:
+    if given.get(FROM) is not None and hasattr(kind, "like"):
+        like = base_of(kind, given[FROM], {*given}) if base is None else base
         _require(kind, {*given}, at)
         return build(kind, {name: value for name, value in given.items() if name != FROM}, base=like, at=at)
     sets = getattr(kind, "PRESETS", ())

@@ -148,8 +148,10 @@ class DemoError(AerialError):
         parts = [f"{self.path}: {problem}"]
         if where:
             parts.append(f"[{', '.join(where)}]")
-        if expected is not None or got is not None:
+        if expected is not None:
             parts.append(f"expected {expected}, got {got}.")
+        elif got is not None:
+            parts.append(f"Got {got}.")
         if hint:
             parts.append(hint)
         super().__init__(" ".join(parts))

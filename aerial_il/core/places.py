@@ -21,17 +21,19 @@ SIGNS = {  # by name or ending, what a file of ours carries; any other is not ou
     **dict.fromkeys((".hdf5", ".rrd", ".mcap", ".part", ".png", ".webp", ".mp4", ".json", ".jsonl"), NAMES),
     **dict.fromkeys(("objects.inv", "index.md", "README.md"), NAMES),  # of our documentation
 }
+README_SIGN = b"# Written by aerial-il card, which writes it anew: take this line out to keep your own words."
 ANYTHING = ("**/*",)
 JOB_LOG = "job.log"  # of a launcher
 SEARCHED = 1 << 17  # bytes, from either end
 LEFT_ALONE = "Nothing of it is changed. Choose another place with {key}=..., or move it away."
 
 
-def claim_file(path: str | os.PathLike[str], *, key: str = "out") -> Path:
+def claim_file(path: str | os.PathLike[str], *, key: str = "out", sign: bytes | None = None) -> Path:
     """Return the place of a file that is to be written, with what is there already being nobody else's.
 
     Args:
         key: how the place was named, for the words of a refusal.
+        sign: what a file of ours carries, instead of what its name or ending says.
 
     Raises:
         InvalidValueError: it is a folder, a link, or a file that was not written here.
@@ -41,7 +43,7 @@ def claim_file(path: str | os.PathLike[str], *, key: str = "out") -> Path:
         _refuse(key, path, f"is a link to {os.readlink(path)}")
     if path.is_dir():
         _refuse(key, path, "is a folder, and what is written is one file")
-    if path.exists() and not _is_ours(path):
+    if path.exists() and not is_ours(path, sign):
         _refuse(key, path, "exists, and was not written by aerial_il")
     _require_parent(key, path)
     return path
@@ -68,7 +70,7 @@ def claim_folder(
     _require_parent(key, path)
     if not path.exists() or not any(_counts(entry.name, parts) for entry in path.iterdir()):
         return path
-    if not any(_is_ours(file) for name in known_by for file in path.glob(name)):
+    if not any(is_ours(file) for name in known_by for file in path.glob(name)):
         _refuse(key, path, "is not empty, and was not written by aerial_il")
     kept = {file for part in parts for file in path.glob(part)}
     if others := sorted(file for file in path.rglob("*") if not file.is_dir() and file not in kept):
@@ -81,7 +83,8 @@ def _counts(name: str, parts: Sequence[str]) -> bool:
     return parts != ANYTHING or not (name.startswith(".") or name == JOB_LOG)
 
 
-def _is_ours(file: Path) -> bool:
+def is_ours(file: Path, sign: bytes | None = None) -> bool:
+    """Whether a file was written here, or is empty; ``sign`` as in :func:`claim_file`."""
     if not file.is_file():
         return False
     with open(file, "rb") as raw:
@@ -89,7 +92,7 @@ def _is_ours(file: Path) -> bool:
         head = raw.read(SEARCHED)
         raw.seek(max(0, size - SEARCHED))
         seen = head + raw.read(SEARCHED)
-    signs = SIGNS.get(file.name) or SIGNS.get(file.suffix.lower(), ())
+    signs = (sign,) if sign else SIGNS.get(file.name) or SIGNS.get(file.suffix.lower(), ())
     return not size or any(sign in seen for sign in signs)
 
 

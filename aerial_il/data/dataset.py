@@ -157,7 +157,7 @@ def open_dataset(
     """Open demonstrations, whatever form they are in; what it returns has passed :mod:`aerial_il.data.check`.
 
     Args:
-        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3 or Minari folder, an HDF5
+        path: a folder of recordings or of such folders, an MCAP file, a LeRobot v3, Minari or ALOHA folder, an HDF5
             file of robomimic's or D4RL's layout, transitions as ``.npz``, or what a format of your own recognises.
         cameras: True to decode all image fields, or the names of some.
         failures: also the failed episodes of a folder of recordings; each episode says how it ended.

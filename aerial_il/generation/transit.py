@@ -57,13 +57,13 @@ def way(start: np.ndarray, goal: np.ndarray, around: Boxes, spared: Collection[i
     counted = ~np.isin(around.root, list(spared))
     tops, height = around.tops() + CLEARANCE_M, max(start[2], goal[2])
     hit = _hit(_between(start, goal, NEAR_ENDS_M), around) & counted
-    if not hit.any():
-        return [goal]
+    found = [goal]
     while hit.any():
         height = max(height, float(tops[hit].max()))
         rise, sink = np.array([*start[:2], height]), np.array([*goal[:2], height])
         hit = _hit(_between(rise, sink, 0.0), around) & counted & (tops > height)
-    return [rise, sink, goal]
+        found = [rise, sink, goal]
+    return found
 
 
 def _between(start: np.ndarray, goal: np.ndarray, ends: float) -> np.ndarray:
@@ -75,4 +75,4 @@ def _between(start: np.ndarray, goal: np.ndarray, ends: float) -> np.ndarray:
 
 def _hit(points: np.ndarray, around: Boxes) -> np.ndarray:
     """Return which boxes (G,) bool come too near to some of the points."""
-    return (around.apart(points) < CLEARANCE_M).any(axis=0)
+    return np.any(around.apart(points) < CLEARANCE_M, axis=0)

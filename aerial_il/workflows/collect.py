@@ -156,7 +156,7 @@ def _outside(settings: Collect) -> None:
     options = environments.given(success=settings.success, max_steps=settings.max_steps)
     pilot = pilots.pilot(source, robot=None, task=None, action=None, env=settings.env, options=options, noise=noise)
     env = pilot.environment(settings.tier, num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)
-    _record(settings, env, pilot.policy, source, {"noise": noise})
+    _record(settings, env, pilot.policy, source, {"noise": noise} if source.endswith(".npz") else {})  # of an expert's
 
 
 def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_with: Mapping[str, Any]) -> None:

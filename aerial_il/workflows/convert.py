@@ -9,7 +9,7 @@ from pathlib import Path
 
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.places import claim_file, claim_folder
+from aerial_il.core.places import README_SIGN, claim_file, claim_folder
 from aerial_il.data.reading import Reading
 
 log = logging.getLogger(__name__)
@@ -128,5 +128,17 @@ def _own_place(settings: Convert) -> Path:
     endings, _ = forms()[settings.form]
     if "" not in endings or out.suffix in {*endings} - {""}:
         return claim_file(out)
+    if settings.form == "lerobot":
+        return claim_lerobot(out)
     parts = VIEWS_PARTS if settings.form in VIEWS else getattr(registry.module("format", settings.form), "PARTS", ())
     return claim_folder(out, parts, parts)
+
+
+def claim_lerobot(out: Path) -> Path:
+    """Return the place of a LeRobot dataset, which may have a card of ours."""
+    from aerial_il.data.formats import lerobot
+
+    claim_folder(out, lerobot.PARTS, (*lerobot.PARTS, lerobot.README, lerobot.PAGE))
+    claim_file(out / lerobot.PAGE)
+    claim_file(out / lerobot.README, sign=README_SIGN)
+    return out

@@ -75,6 +75,7 @@ def generate(settings: Generate) -> str:
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
     from aerial_il.generation.generator import Generator
+    from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
     _check_place(settings)
@@ -100,6 +101,7 @@ def generate(settings: Generate) -> str:
             policy_name=POLICY, settings=made_of, longest=min(longest, env.spec.max_steps), mix=settings.mix,
             progress=settings.progress,
         )  # fmt: skip
+        remember(done, env.spec)
     if done.failures and not done.demos:
         log.warning("None of %d flights succeeded: %s", len(done.failures), _advice(sources, settings))
     return settings.out

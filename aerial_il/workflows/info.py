@@ -32,11 +32,14 @@ def info(settings: Info) -> dict[str, Any]:
     """Return the description, in plain values."""
     from aerial_il.data.curation.selection import select
     from aerial_il.data.dataset import open_dataset
+    from aerial_il.data.formats import name_of
     from aerial_il.data.table import read_table
 
     dataset = open_dataset(settings.path, **settings.answers, failures=True, states=False)
     episodes = read_table(dataset) if settings.where is None else select(dataset, settings.where)
-    return {"path": settings.path, **_environment(dataset.spec), **_composition(episodes), "episodes": episodes}
+    spec = dataset.spec
+    lies = {"path": settings.path, "format": name_of(dataset.path), "foreign": spec.is_foreign}
+    return {**lies, **_environment(spec), **_composition(episodes), "episodes": episodes}
 
 
 def remember(recorded: Collection, spec: EnvSpec) -> None:

@@ -21,6 +21,7 @@ TITLES = {  # others: the name, capitalised
     "from_prior": "From a prior",
     "from_prior_big_four": "From a prior, on a heavy vehicle",
     "practice": "Practice, by the shipped commands",
+    "foreign": "Files of other tools",
     "gail": "GAIL",
     "hg_dagger": "HG-DAgger",
     "lerobot": "LeRobot",

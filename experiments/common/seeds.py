@@ -2,6 +2,9 @@
 
 Seeds 20000 to 29999 are reserved: the studies judge on them, with the settings that are shipped. Seeds from 10000 on
 judged earlier redesigns and are worn. Seeds 5000 to 5999 are for trials.
+
+What a study may change and still judge is how much it measures and of what: whole numbers, names. Policies, algorithms
+and real numbers, such as the noise of a demonstrator, are settings that something can be tuned by.
 """
 
 from __future__ import annotations
@@ -37,7 +40,7 @@ def check_untuned(study: Any) -> None:
         study: as it is about to run.
 
     Raises:
-        InvalidValueError: it has a learner's settings of its own, and would be judged on reserved seeds.
+        InvalidValueError: it has settings of its own by which something is learned or flown, and reserved seeds.
     """
     changed = list(_changed_methods(study))
     first = getattr(study, "first_episode", None)
@@ -50,11 +53,11 @@ def check_untuned(study: Any) -> None:
 
 
 def _changed_methods(study: Any) -> Iterator[str]:
-    """Yield the names of settings with which policies or algorithms differ from those of the study's own."""
+    """Yield the names of policies, algorithms and real numbers that differ from those of the study's own."""
     shipped = type(study)()
     for name in (each.name for each in fields(study)):
         mine, own = getattr(study, name), getattr(shipped, name)
-        if is_dataclass(own) and mine != own:
+        if (is_dataclass(own) or isinstance(own, float)) and mine != own:
             yield name
         elif isinstance(own, Mapping) and isinstance(mine, Mapping):
             yield from (f"{name}.{k}" for k, v in mine.items() if _is_method(v) and v != own.get(k))

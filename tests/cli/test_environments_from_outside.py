@@ -28,6 +28,7 @@ SMALL = ["policy.hidden=[8]", "policy.chunk=1", "policy.ensemble=null", "algorit
 CLONE = [*SMALL, "algorithm.validate_every=0", "algorithm.cadence.log_every=1"]
 OPENING = {  # every command that opens a folder or a file, and the ways in which it does
     "browse": [["demos", "out=seen.html"]],
+    "card": [["demos", "out=card.html"], ["demos", "out=card.html", "readme=README.md"]],
     "collect": [["env=gymnasium:CartPole-v1", "policy=policy", "episodes=1", "out=flown"]],
     "compare": [["policy", "policy"]],
     "convert": [["demos"]],
@@ -37,8 +38,10 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
+    "judge": [["demos"]],
     "merge": [["demos", "demos", "out=merged"]],
     "prefer": [["demos", "length=2", "pairs=1", "out=said.jsonl"]],
+    "publish": [["demos", "out=hub", "license=mit"]],
     "recover": [["demos"]],
     "relabel": [["demos", "where=seed == 0", "tag=first"]],
     "replay": [["demos"]],

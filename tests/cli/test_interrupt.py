@@ -38,6 +38,7 @@ AT_ONCE = {
 LONG = {  # command -> what is typed, and the sign on stderr or stdout that it is at work
     "bench": (["experts", "bench.episodes=2000"], "bench"),
     "browse": (["demos", "port=0", "open=false"], "http"),
+    "card": (["demos", "out=OUT/card.html"], "card:"),
     "collect": (["task=pick_place", "episodes=5000", "num_envs=8", "out=OUT/d"], "collect:"),
     "convert": (["demos", "out=OUT/l"], "convert:"),
     "demo": (["task=pick_place", "episodes=5000", "out=OUT/demo"], "collect:"),
@@ -47,7 +48,9 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
     "prefer": (["demos", "by=hand", "length=20", "out=OUT/p.jsonl", "port=0", "open=false"], "http"),
+    "publish": (["demos", "out=OUT/hub", "license=mit"], "convert:"),
     "replay": (["demos"], "replay:"),
+    "judge": (["demos"], "judge:"),
     "report": (["demos", "out=OUT/page.html"], ""),
     "teleop": (["task=reach", "out=OUT/hand", "port=0", "open=false"], "http"),
     "train": (["dataset=demos", "run=OUT/r"], "train bc"),

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -35,7 +36,16 @@ def as_npz(episodes: list[Episode], place: Path) -> Path:
     return place / "transitions.npz"
 
 
-SAMPLES: dict[str, Callable[[list[Episode], Path], Path]] = {"npz": as_npz}  # of formats that are not written
+def as_aloha(episodes: list[Episode], place: Path) -> Path:
+    for number, episode in enumerate(episodes):
+        with h5py.File(place / f"episode_{number}.hdf5", "w") as file:
+            file["observations/qpos"] = episode.flat_obs(episode.spec.observation.state_names)[:-1]
+            file["action"] = episode.labels
+    return place
+
+
+SAMPLES: dict[str, Callable[[list[Episode], Path], Path]] = {"npz": as_npz, "aloha": as_aloha}  # of those not written
+UNREWARDED = "aloha"
 RECORDED = "recording"  # its sample is what the others are made of
 
 
@@ -80,10 +90,10 @@ def test_it_recognises_its_own_and_no_other_does(name: str, samples: Mapping[str
 
 @each
 def test_what_was_written_reads_back_equal(name: str, recorded: Path, samples: Mapping[str, Path]) -> None:
-    assert_equal(samples[name], list(open_dataset(recorded)))
+    assert_equal(samples[name], list(open_dataset(recorded)), rewarded=name != UNREWARDED)
 
 
-def assert_equal(path: Path, episodes: list[Episode]) -> None:
+def assert_equal(path: Path, episodes: list[Episode], *, rewarded: bool = True) -> None:
     back = open_dataset(path)
     assert len(back) == len(episodes)
     for mine, theirs in zip(back, episodes, strict=True):
@@ -91,7 +101,7 @@ def assert_equal(path: Path, episodes: list[Episode]) -> None:
         seen, shown = (e.flat_obs(e.spec.observation.state_names)[:steps] for e in (mine, theirs))
         np.testing.assert_allclose(seen, shown, rtol=FLOAT32, atol=FLOAT32)
         np.testing.assert_allclose(mine.actions, theirs.labels, rtol=FLOAT32)
-        np.testing.assert_allclose(mine.rewards, theirs.rewards, rtol=FLOAT32)
+        np.testing.assert_allclose(mine.rewards, theirs.rewards * rewarded, rtol=FLOAT32)
         assert mine.success == theirs.success
         assert len(mine.sim_time) == len(mine.states) == steps + 1
         assert not mine.spec.differences(back.spec)

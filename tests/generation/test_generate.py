@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
+from aerial_il.data.table import CACHE
+from aerial_il.workflows.info import Info, info
 
 Shown = Callable[[str], Path]
 pytestmark = pytest.mark.usefixtures("no_commit")
@@ -82,6 +84,17 @@ def test_it_is_the_same_however_many_worlds_and_goes_on(
     assert generate(shown("press_button"), tmp_path / "one", "episodes=4") == 0
     assert before.items() < files(tmp_path / "one").items()
     assert "Next: aerial-il train" in capsys.readouterr().out
+
+
+def test_what_was_generated_is_known_to_info(shown: Shown, tmp_path: Path) -> None:
+    out = tmp_path / "known"
+    assert generate(shown("press_button"), out, "episodes=2") == 0
+    told = (out / CACHE).read_text()
+    known = info(Info(path=str(out)))["episodes"]
+    assert (out / CACHE).read_text() == told, "nothing had to be added"
+    assert len(known) == 2
+    (out / CACHE).unlink()
+    assert info(Info(path=str(out)))["episodes"] == known, "the recordings say the same"
 
 
 @pytest.mark.parametrize(

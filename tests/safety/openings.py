@@ -12,11 +12,12 @@ from tests.safety.hostile import Sound
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
     "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
-    "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "operator", "parts", "prune",
-    "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
+    "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
+    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
-    ("browse", "out"), ("convert", "out"), ("report", "out"), ("reward", "out"), ("view", "out"), ("teleop", "out"),
+    ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("publish", "out"), ("report", "out"),
+    ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
 FLOWN = ["episodes=1", "threads=1", QUIET]
@@ -41,6 +42,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
     dataset, judged = f"dataset={sound.dataset}", ["videos=0", *FLOWN, "max_steps=5", "success=survived"]
     return {
         ("browse", "dataset"): ["out=seen.html", QUIET],
+        ("card", "path"): ["out=seen.html", "films=0", QUIET],
         ("collect", "policy"): [ENV, "out=flown", "max_steps=5", "success=survived", *FLOWN],
         ("collect", "expert"): ["robot=quad", "task=hover", "out=flown", *FLOWN],
         ("collect", "out"): [ENV, "policy=random", "max_steps=5", "success=survived", *FLOWN],
@@ -57,8 +59,10 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("inspect", "path"): ["save=seen.rrd"],
         ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
         ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
+        ("judge", "dataset"): [QUIET],
         ("merge", "datasets"): ["out=merged", "mix=true", QUIET],
         ("merge", "out"): [f"datasets=[{sound.dataset},{sound.dataset}]", QUIET],
+        ("publish", "dataset"): ["out=hub", "license=mit", "films=0", QUIET],
         ("recover", "path"): [],
         ("relabel", "dataset"): ["where=steps >= 0", "tag=seen", QUIET],
         ("replay", "path"): [QUIET],

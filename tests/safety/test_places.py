@@ -15,9 +15,12 @@ from tests.safety.conftest import CLONE, ENV, QUIET
 from tests.safety.hostile import Sound, trace
 
 FLOWN = ["success=survived", "max_steps=5", "episodes=1", "threads=1", QUIET]
+BRIEF = ["films=0", QUIET]
 Words = Callable[[Sound, Path], list[str]]
 FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and what is typed
     "browse": (".html", lambda s, out: ["browse", f"dataset={s.dataset}", f"out={out}", QUIET]),
+    "card": (".html", lambda s, out: ["card", f"path={s.dataset}", f"out={out}", "films=0", QUIET]),
+    "card for a hub": (".md", lambda s, out: ["card", f"path={s.dataset}", "out=a.html", f"readme={out}", *BRIEF]),
     "convert to robomimic": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
     "convert to d4rl": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", "format=d4rl", f"out={out}", QUIET]),
     "convert to rerun": (".rrd", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
@@ -34,6 +37,7 @@ FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and wh
 }
 FOLDERS: dict[str, Words] = {
     "convert to LeRobot": lambda s, out: ["convert", f"path={s.dataset}", "format=lerobot", f"out={out}", QUIET],
+    "publish": lambda s, out: ["publish", f"dataset={s.dataset}", f"out={out}", "license=mit", *BRIEF],
     "convert to Minari": lambda s, out: ["convert", f"path={s.dataset}", "format=minari", f"out={out}", QUIET],
     "convert for ROS": lambda s, out: ["convert", f"path={s.dataset}", "format=mcap", f"out={out}", QUIET],
     "collect": lambda s, out: ["collect", ENV, "policy=random", f"out={out}", *FLOWN],
@@ -119,7 +123,7 @@ def test_what_was_written_here_is_replaced_and_nothing_beside_it(
         out = tmp_path / f"own{len(name)}{FILES[name][0]}"
         for _ in range(2):
             assert main(FILES[name][1](sound, out)) == 0, capfd.readouterr()
-    for name in ("convert to LeRobot", "convert to Minari"):
+    for name in ("publish", "convert to LeRobot", "convert to Minari"):
         out = tmp_path / f"{name.split()[-1]}-v0"
         for _ in range(2):
             assert main(FOLDERS[name](sound, out)) == 0, capfd.readouterr()

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
 from aerial_il.data import dataset as opened
 from aerial_il.data.table import CACHE
 from aerial_il.workflows.collect import Collect
 from aerial_il.workflows.collect import collect as record_as_typed
 from aerial_il.workflows.info import Info, info
+from experiments.foreign import layouts
 from tests.data.crane import CraneBatch, CraneExpert
 
 
@@ -71,3 +76,52 @@ def test_a_file_that_is_none_of_ours_is_neither_believed_nor_overwritten(
     (folder / CACHE).write_text(text)
     assert count_of_reads(folder, monkeypatch)[0] == said
     assert (folder / CACHE).read_text() == text
+
+
+PATHS = [np.arange(10 * k, 10 * k + 9)[:, None] * [0.1, 0.2] for k in range(3)]
+LAST, PULLED = np.arange(8) == 7, np.ones((8, 1), "f4")
+FLAT = {
+    "observations": np.concatenate([path[:-1] for path in PATHS]), "actions": np.tile(PULLED, (3, 1)),
+    "timeouts": np.tile(LAST, 3),
+}  # fmt: skip
+BUFFER = {"actions": PULLED, "rewards": np.zeros(8), "terminations": ~LAST & LAST, "truncations": LAST}
+STATES = [{"observation.state": path[:-1], "action": PULLED} for path in PATHS]
+FOREIGN: dict[str, tuple[str, Callable[[Path], Path], str, int]] = {  # format -> name, writer, environment, rate
+    "npz": ("a.npz", lambda at: layouts.npz(at, FLAT), "npz", 1),
+    "d4rl": ("a.hdf5", lambda at: layouts.d4rl(at, FLAT), "d4rl", 1),
+    "robomimic": (
+        "a.hdf5",
+        lambda at: layouts.robomimic(at, *({"obs": {"arm": path[:-1]}, "actions": PULLED} for path in PATHS)),
+        "robomimic, Lift",
+        20,
+    ),
+    "minari": (
+        "a-v0",
+        lambda at: layouts.minari(at, *({"observations": path, **BUFFER} for path in PATHS)),
+        "minari",
+        1,
+    ),
+    "lerobot": (
+        "a",
+        lambda at: layouts.lerobot(at, *STATES, fps=30, robot_type="crane", task="Pull."),
+        "lerobot, crane. Pull",
+        30,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_files_of_others_are_described(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    place, write, where, rate = FOREIGN[name]
+    write(Path(place))
+    assert main(["info", place]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(f"{place}: {where}.")
+    assert f"3 episodes, 3 successful, {24 / rate:.0f} s of flight: 24 steps at {rate} Hz" in said
+    assert main(["info", place, "json=true"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["format"], told["foreign"], told["control_dt_s"]) == (name, True, pytest.approx(1 / rate))
+    assert [field["shape"] for field in told["fields"]] == [[2]]

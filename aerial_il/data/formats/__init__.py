@@ -23,7 +23,12 @@ from aerial_il.core.errors import DemoError
 
 
 def find(path: Path) -> ModuleType:
-    """Return the one format that recognises what lies at ``path``.
+    """Return the one format that recognises what lies at ``path``; errors are those of :func:`name_of`."""
+    return registry.module("format", name_of(path))
+
+
+def name_of(path: Path) -> str:
+    """Return the name of the one format that recognises what lies at ``path``.
 
     Raises:
         DemoError: none does, or several do.
@@ -37,4 +42,4 @@ def find(path: Path) -> ModuleType:
         what = "holds no demonstrations" if path.is_dir() else "is no dataset"
         hint = "Record some with: aerial-il collect; or begin a format of your own: aerial-il new format NAME"
         raise DemoError(path, f"{what} that a format recognises: {', '.join(names)}.", hint=hint)
-    return registry.module("format", found[0])
+    return found[0]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ENDINGS, OWN_NAME = ("",), "lerobot"
 PARTS = ("meta/**/*", "data/**/*", "videos/**/*")
+README, PAGE = "README.md", "card.html"  # beside these, written by aerial-il card
 
 
 def recognises(path: Path) -> bool:
@@ -51,6 +52,13 @@ def is_current(dataset: Dataset, out: Path) -> bool:
         return there == wanted and tuple(reading.read(out).raw) == dataset.uids
     except DemoError:
         return False
+
+
+def features_of(path: Path) -> list[str]:
+    """Return the names of a dataset's features."""
+    from aerial_il.data.formats.parts.lerobot.files import check_lerobot
+
+    return [*check_lerobot(path)["features"]]
 
 
 def altered(path: Path) -> list[Path]:

@@ -36,6 +36,7 @@ EXTRA = (
     ["executed_actions", "expert_actions", "is_intervention", "phase", "terminated", "truncated", "ctrl", "sim_time"]
 )  # fmt: skip
 GYM = 2  # robomimic's number for environments of Gym
+RENDERED = "robomimic adds them: python -m robomimic.scripts.dataset_states_to_obs --dataset FILE --output_name OUT"
 DIGEST = "digest"  # attribute of our group
 
 
@@ -157,6 +158,8 @@ def _raw(path: Path, name: str) -> Raw:
     with opened(path, f"holds a malformed demonstration {name!r}") as file:
         demo = _demo(path, file, name)
         held = {name: later(path, demo, name) for name in COLUMNS if name in demo}
+        if "obs" not in demo and "states" in demo:
+            raise DemoError(path, f"holds no observations in {demo.name}, only states of a simulator.", hint=RENDERED)
         last = held["rewards"][-1:].read().ravel() if "rewards" in held else np.zeros(0)
         return Raw(
             obs=_fields(path, demo, "obs"),

@@ -73,7 +73,9 @@ def _expected(traces: Sequence[Trace], fold: np.ndarray, trusted: np.ndarray, fe
     sums = [_sums([traces[i] for i in np.flatnonzero((fold == k) & trusted)], features) for k in folds]
     fitted = []
     for k in folds:
-        gram, moment, rows = (sum(s[part] for j, s in enumerate(sums) if j != k) for part in range(3))
+        others = [each for j, each in enumerate(sums) if j != k]
+        gram, moment = np.sum([each[0] for each in others], axis=0), np.sum([each[1] for each in others], axis=0)
+        rows = sum(each[2] for each in others)
         fitted.append(np.linalg.solve(gram + RIDGE * rows * np.eye(len(gram)), moment))
     return [features(trace.states) @ fitted[k] for trace, k in zip(traces, fold, strict=True)]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from aerial_il.data.quality.trace import Trace
 
@@ -24,11 +24,11 @@ def repeated(traces: Sequence[Trace]) -> dict[str, str]:
     if len(traces) < 2:
         return {}
     points = np.stack([trace.along().ravel() for trace in traces])
-    distances, nearest = cKDTree(points).query(points, k=2)
+    distances, nearest = KDTree(points).query(points, k=2)
     same = distances[:, 1] <= SAME_SHARE * np.median(distances[:, 1])
     found = dict[str, str]()
-    for i in np.flatnonzero(same):
-        other = int(nearest[i][nearest[i] != i][0])
+    for i in np.flatnonzero(same).tolist():
+        other = next(int(k) for k in np.asarray(nearest)[i] if k != i)
         if other < i:
             found[traces[i].uid] = traces[other].uid
     return found

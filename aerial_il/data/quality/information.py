@@ -46,11 +46,11 @@ def _shares(states: np.ndarray, actions: np.ndarray) -> np.ndarray:
     count = len(states)
     if count <= max(NEIGHBOURS):
         return np.zeros(count)
-    apart = [_distances(states), _distances(actions)]
-    nearest = np.partition(np.maximum(*apart), NEIGHBOURS, axis=1)
+    apart = np.stack([_distances(states), _distances(actions)])
+    nearest = np.sort(apart.max(axis=0), axis=1)
     share = np.zeros(count)
     for k in NEIGHBOURS:
-        near = [np.sum(each < nearest[:, k : k + 1], axis=1) for each in apart]  # itself among them
+        near = np.sum(apart < nearest[:, k : k + 1], axis=2)  # itself among them
         share += digamma(k) + digamma(count) - digamma(near[0]) - digamma(near[1])
     return share / len(NEIGHBOURS)
 
@@ -58,8 +58,9 @@ def _shares(states: np.ndarray, actions: np.ndarray) -> np.ndarray:
 def _distances(rows: np.ndarray) -> np.ndarray:
     """Return the largest difference of two rows in any element, for all pairs of rows (N, D): (N, N)."""
     found = np.zeros((len(rows), len(rows)), np.float32)
-    for column in rows.T.astype(np.float32):
-        np.maximum(found, np.abs(column[:, None] - column), out=found)
+    rows = rows.astype(np.float32)
+    for k in range(rows.shape[1]):
+        np.maximum(found, np.abs(rows[:, k, None] - rows[:, k]), out=found)
     return found
 
 

@@ -56,7 +56,7 @@ class Judgement:
         columns: measure -> uid -> value. ``suspect`` has the reasons, with commas between; empty for none.
     """
 
-    columns: dict[str, dict[str, float | str]] = field(default_factory=dict)
+    columns: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
 
     @property
     def suspects(self) -> dict[str, str]:

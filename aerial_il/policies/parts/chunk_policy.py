@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -20,6 +21,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts import constant
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, shown
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
@@ -29,6 +31,7 @@ from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network
 
+log = logging.getLogger(__name__)
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
 
@@ -58,6 +61,7 @@ class ChunkPolicy:
         self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
         self.task = self.spec.task
+        self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     def __repr__(self) -> str:
         flown = f"{self.spec.robot}/{self.spec.task}"
@@ -75,7 +79,7 @@ class ChunkPolicy:
             InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
-        obs = self._with_task(obs)
+        obs = self._with_task({**obs, **{own: obs[name] for own, name in self._shown_for.items()}})
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
@@ -123,7 +127,9 @@ class ChunkPolicy:
 
     def fresh(self) -> ChunkPolicy:
         """Return the same policy, networks shared, with a memory of its own that is empty."""
-        return ChunkPolicy(self.config, self.interface, self.network, self.origin)
+        again = ChunkPolicy(self.config, self.interface, self.network, self.origin)
+        again._shown_for = self._shown_for
+        return again
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
@@ -142,15 +148,19 @@ class ChunkPolicy:
     def attach(self, env: BatchEnv) -> None:
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
-        self.task = env.spec.task
+        self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
+        for own, name in self._shown_for.items():
+            log.warning("The policy's %s is the environment's %s, the only field of its shape.", own, name)
 
     def check(self, spec: EnvSpec) -> None:
         """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
+        spec = under_their_names(spec, self._shown_in(spec))
         check_cameras(self.interface.layout, spec)
         spec = as_one_of(self.spec, spec)
-        names = (*self.interface.layout.names, *self.interface.layout.images)
         untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
-        differing = _restrict(self.spec, names).differences(_restrict(spec, names), ignore=(*UNIMPORTANT, *untold))
+        differing = _restrict(self.spec, self._seen).differences(
+            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold)
+        )
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
             raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.")
@@ -187,6 +197,14 @@ class ChunkPolicy:
         """All that changes while it flies, by name."""
         sights = {f"sight.{name}": sight for name, sight in self._sights.items()}
         return {"history": self._history, **sights, "plan": self._plan, "noise": self._noise}
+
+    @property
+    def _seen(self) -> tuple[str, ...]:
+        return (*self.interface.layout.names, *self.interface.layout.images)
+
+    def _shown_in(self, spec: EnvSpec) -> dict[str, str]:
+        """Return field -> what ``spec`` calls it, for a policy that learned from data of others."""
+        return shown_for(self.spec, self._seen, spec) if self.spec.is_foreign else {}
 
     @property
     def _device(self) -> torch.device:

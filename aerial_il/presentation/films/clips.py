@@ -6,6 +6,7 @@ Films are named after their content: made once, used again as long as scene and 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ POSTER_SIZE = (480, 640)
 STILL_SIZE = (180, 240)
 FPS, EXPOSURES = 12.5, QUICK  # pictures a second, and exposures of each
 TRAIL_S = 2.0
+SHORT_S, SHORT_FPS, SHORT_SIZE = 4.0, 8.0, (216, 288)  # of a film that is one of several on a page
 
 
 @dataclass(frozen=True)
@@ -82,6 +84,22 @@ def make_clips(episode: Episode, subtasks: np.ndarray, folder: Path) -> FlightCl
     return clips
 
 
+def short_film(episode: Episode, path: Path) -> int:
+    """Write a film of a whole flight that lasts some seconds, and return how many times faster than real time it is.
+
+    Args:
+        episode: a flight with its states. path: MP4 file.
+    """
+    dt = episode.spec.control_dt_s
+    stride, rate = rate_of(dt, SHORT_FPS)
+    speed = math.ceil(len(episode) * dt / SHORT_S)
+    with SceneRenderer(episode.model_xml) as scene:
+        view = scene.frame(episode.states, SHORT_SIZE[1] / SHORT_SIZE[0])
+        frames = _frames(scene, episode, range(0, len(episode) + 1, stride * speed), view, SHORT_SIZE)
+        write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
+    return speed
+
+
 def excerpt(subtasks: np.ndarray, dt: float) -> Excerpt:
     """Choose the seconds in which most sub-tasks (T, K) are done for the first time, the latest such seconds."""
     length, most = len(subtasks), round(LONGEST_S / dt)
@@ -113,11 +131,13 @@ def _make(clips: FlightClips, scene: SceneRenderer, episode: Episode, part: Exce
     _save(clips.portrait, scene.draw(moment, alone, *POSTER_SIZE, exposures=STILL))
 
 
-def _frames(scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint) -> Iterator[np.ndarray]:
+def _frames(
+    scene: SceneRenderer, episode: Episode, steps: range, view: Viewpoint, size: tuple[int, int] = FILM_SIZE
+) -> Iterator[np.ndarray]:
     traces = traces_of(episode, scene)
     for step in steps:
         marks = traces.marks(step, since_s=TRAIL_S)
-        yield scene.draw(episode.states[step], view, *FILM_SIZE, exposures=EXPOSURES, marks=marks)
+        yield scene.draw(episode.states[step], view, *size, exposures=EXPOSURES, marks=marks)
 
 
 def _save(path: Path, picture: np.ndarray) -> None:

@@ -16,6 +16,8 @@ from markupsafe import Markup, escape
 NARROW, WIDE, HEIGHT = 320.0, 440.0, 210.0
 LEFT, RIGHT, TOP, BOTTOM = 44.0, 12.0, 10.0, 36.0
 TALLEST = 420.0
+CELLS, STRIPES = (8, 32), 48  # of a density across, at least and at most; of a strip
+FEW = 200  # points, which are drawn one by one
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,12 @@ class Plot:
         box = f'x="{left:.1f}" y="{top:.1f}" width="{max(right - left, 0.8):.1f}" height="{base - top:.1f}"'
         self._parts.append(f'<rect class="{kind}" {box} rx="1">{_title(title)}</rect>')
 
+    def cell(self, x: tuple[float, float], y: tuple[float, float], share: float, *, title: str) -> None:
+        """Fill a rectangle, with the fuller a colour the larger its ``share`` in (0, 1] of what the fullest has."""
+        left, right, top, base = self.x(x[0]), self.x(x[1]), self.y(y[1]), self.y(y[0])
+        box = f'x="{left:.1f}" y="{top:.1f}" width="{right - left:.1f}" height="{base - top:.1f}"'
+        self._parts.append(f'<rect class="cell" {box} opacity="{shade(share):.2f}">{_title(title)}</rect>')
+
     def svg(self) -> Markup:
         """Return the drawing: ticks and axes, and the data in a picture of its own, of which a page can show a part."""
         width, height = self.width - LEFT - RIGHT, self.height - TOP - BOTTOM
@@ -170,6 +178,54 @@ def histogram(title: str, groups: Mapping[str, Sequence[float]], *, x_label: str
                 plot.bar((edges[k], edges[k + 1]), rise, kinds[name], title=f"{where}: {count} {name}")
                 base[k] += count
     return Figure(title, plot.svg())
+
+
+def density(title: str, points: np.ndarray, *, x_label: str, y_label: str, crosses: np.ndarray | None = None) -> Figure:
+    """Draw how many of the points (N, 2) lie where, a metre upwards as long as one sideways.
+
+    Args:
+        title: of the figure. points: at least one. x_label, y_label: quantities and units.
+        crosses: (K, 2) points that are marked one by one.
+    """
+    x, y = ((float(values.min()), float(values.max())) for values in points.T)
+    height = equal_height(x, y, width=NARROW)
+    alt = f"{title}: {len(points)} points within {x_label} {x[0]:.3g} to {x[1]:.3g}, {y_label} {y[0]:.3g} to {y[1]:.3g}"
+    plot = Plot(x=x, y=y, x_label=x_label, y_label=y_label, alt=alt, height=height)
+    if len(points) <= FEW:
+        for across, up in points.tolist():
+            plot.dot(across, up, "place", radius=2.5)
+    else:
+        _fill(plot, points, (x, y), height / NARROW)
+    for across, up in [] if crosses is None else crosses.tolist():
+        plot.cross(across, up, "end bad", title="failure")
+    return Figure(title, plot.svg())
+
+
+def _fill(plot: Plot, points: np.ndarray, ends: Sequence[tuple[float, float]], aspect: float) -> None:
+    """Draw the cells of a density, in which points (N, 2) between two ends lie; ``aspect``: height over width."""
+    across = int(np.clip(math.sqrt(len(points)) / 2, *CELLS))
+    sides = [np.linspace(*widen(*pair), n + 1) for pair, n in zip(ends, (across, round(across * aspect)), strict=True)]
+    counts, _, _ = np.histogram2d(points[:, 0], points[:, 1], bins=sides)
+    for i, j in np.argwhere(counts).tolist():
+        x, y = ((float(side[k]), float(side[k + 1])) for side, k in zip(sides, (i, j), strict=True))
+        plot.cell(x, y, counts[i, j] / counts.max(), title=f"{counts[i, j]:.0f}")
+
+
+def strip(values: np.ndarray, lo: float, hi: float, *, alt: str) -> Markup:
+    """Draw how numbers (N,) lie between two ends as a strip: the more, the fuller its colour; it has no axes."""
+    counts, _ = np.histogram(np.clip(values.astype(float), lo, hi), bins=STRIPES, range=widen(lo, hi))
+    boxes = "".join(
+        f'<rect class="cell" x="{k}" width="1.05" height="1" opacity="{shade(count / counts.max()):.2f}"/>'
+        for k, count in enumerate(counts.tolist())
+        if count
+    )
+    head = f'<svg class="strip" viewBox="0 0 {STRIPES} 1" preserveAspectRatio="none" role="img" '
+    return Markup(f'{head}aria-label="{escape(alt)}">{boxes}</svg>')
+
+
+def shade(share: float) -> float:
+    """Return the opacity of a cell with a ``share`` in (0, 1] of what the fullest one has; rare ones can be seen."""
+    return 0.15 + 0.85 * math.sqrt(share)
 
 
 def equal_height(x: tuple[float, float], y: tuple[float, float], *, width: float) -> float:

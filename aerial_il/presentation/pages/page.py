@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -60,6 +61,8 @@ def number(value: float | None) -> str:
         return "–"
     if value == 0:
         return "0"
+    if not math.isfinite(value):
+        return f"{value:g}".replace("inf", "∞")
     rounded = float(f"{value:.3g}")
     return f"{value:,.0f}" if abs(rounded) >= 1000 else f"{rounded:#.3g}".removesuffix(".")
 

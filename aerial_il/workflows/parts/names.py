@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.schema import Choice, Name
@@ -16,6 +16,10 @@ MaybeTask = Annotated[str | None, Name("task")]
 MaybeTier = Annotated[str | None, Name("tier")]
 Policy = Annotated[Any, Choice("policy")]
 Algorithm = Annotated[Any, Choice("algorithm")]
+License = Literal[  # as the Hugging Face Hub spells them
+    "cc-by-4.0", "cc-by-sa-4.0", "cc-by-nc-4.0", "cc0-1.0", "odc-by", "odbl", "cdla-permissive-2.0", "mit",
+    "apache-2.0", "bsd-3-clause", "other",
+]  # fmt: skip
 
 MOST = {  # key -> the most that is believed: what is beyond was mistyped, or would fill any memory
     "seed": 2**62, "evaluate_seed": 2**62, "evaluation_seed": 2**62,

@@ -98,7 +98,7 @@ def pilot(
         log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
         where = EnvironmentReference(env=env or key_of(spec), options={**outside.checked_options(spec), **chosen})
-        return _pilot(policy, source, where, chosen, spec)
+        return _pilot(policy, source, where, chosen, None if env else spec)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks: choose one with task=... Valid: {', '.join(known)}.")
     return _pilot(policy, source, _cell(policy, robot or spec.robot, task or spec.task, action or spec.action.level))

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -31,34 +30,6 @@ def demo(steps: int, mark: float, **changes: Any) -> dict[str, Any]:
         "obs": {"pos": np.repeat(line, 3, 1)},
     }
     return {name: values for name, values in (made | changes).items() if values is not None}
-
-
-def robomimic(path: Path, *demos: Mapping[str, Any], masks: Mapping[str, Sequence[str]] | None = None) -> Path:
-    with h5py.File(path, "w") as file:
-        data = file.create_group("data")
-        data.attrs["env_args"] = json.dumps({"env_name": "Lift", "type": 1, "env_kwargs": {"control_freq": 20}})
-        for i, made in enumerate(demos):
-            group = data.create_group(f"demo_{i}")
-            group.attrs["num_samples"] = len(made.get("actions", ()))
-            for name, values in made.items():
-                inner = values.items() if isinstance(values, Mapping) else [(None, values)]
-                for key, array in inner:
-                    group[f"{name}/{key}" if key else name] = array
-        for name, listed in (masks or {}).items():
-            file[f"mask/{name}"] = np.array(listed, "S")
-    return path
-
-
-def minari(path: Path, *episodes: Mapping[str, Any]) -> Path:
-    (path / "data").mkdir(parents=True)
-    with h5py.File(path / "data/main_data.hdf5", "w") as file:
-        for number, made in enumerate(episodes):
-            group = file.create_group(f"episode_{number}")
-            group.attrs["total_steps"] = len(made.get("actions", ()))
-            for name, values in made.items():
-                group[name] = values
-    (path / "data/metadata.json").write_text(json.dumps({"data_format": "hdf5"}))
-    return path
 
 
 def buffered(steps: int, mark: float, **changes: Any) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
+from experiments.foreign import layouts
 
 EPISODES, STEPS = 3, 30
 ENV = "Pendulum-v1"
@@ -37,8 +38,7 @@ def flown() -> dict[str, np.ndarray]:
 
 
 def npz(home: Path, flown: dict[str, np.ndarray]) -> Path:
-    np.savez(home / "rollouts.npz", **flown)
-    return home / "rollouts.npz"
+    return layouts.npz(home / "rollouts.npz", flown)
 
 
 def d4rl(home: Path, flown: dict[str, np.ndarray]) -> Path:
@@ -49,26 +49,24 @@ def d4rl(home: Path, flown: dict[str, np.ndarray]) -> Path:
         "terminals": "dones",
         "timeouts": "truncations",
     }
-    with h5py.File(home / "d4rl.hdf5", "w") as file:
-        for theirs, name in names.items():
-            file[theirs] = flown[name]
-        file["infos/qpos"] = np.zeros((EPISODES * STEPS, 2))
-    return home / "d4rl.hdf5"
+    columns = {theirs: flown[name] for theirs, name in names.items()}
+    return layouts.d4rl(home / "d4rl.hdf5", {**columns, "infos/qpos": np.zeros((EPISODES * STEPS, 2))})
 
 
 def robomimic(home: Path, flown: dict[str, np.ndarray]) -> Path:
     """As robomimic's own scripts write: actions of one demonstration reach further than those of another."""
-    with h5py.File(home / "low_dim.hdf5", "w") as file:
-        data = file.create_group("data")
-        data.attrs["env_args"] = json.dumps({"env_name": ENV, "type": 2, "env_kwargs": {"control_freq": 20}})
-        for i in range(EPISODES):
-            part = slice(i * STEPS, (i + 1) * STEPS - i)  # of different lengths
-            demo = data.create_group(f"demo_{i}")
-            demo["actions"], demo["rewards"] = flown["acts"][part], np.zeros(STEPS - i)
-            demo["obs/observation"], demo["next_obs/observation"] = flown["obs"][part], flown["next_obs"][part]
-            demo["dones"] = np.zeros(STEPS - i, int)
-            demo.attrs["num_samples"] = STEPS - i
-    return home / "low_dim.hdf5"
+    demos = [
+        {
+            "actions": flown["acts"][part],
+            "rewards": np.zeros(STEPS - i),
+            "obs": {"observation": flown["obs"][part]},
+            "next_obs": {"observation": flown["next_obs"][part]},
+            "dones": np.zeros(STEPS - i, int),
+        }
+        for i, part in enumerate(slice(k * STEPS, (k + 1) * STEPS - k) for k in range(EPISODES))  # of different lengths
+    ]
+    env = {"env_name": ENV, "type": 2, "env_kwargs": {"control_freq": 20}}
+    return layouts.robomimic(home / "low_dim.hdf5", *demos, env=env)
 
 
 def mimicgen(home: Path, flown: dict[str, np.ndarray]) -> Path:

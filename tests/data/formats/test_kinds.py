@@ -15,7 +15,8 @@ from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.core.errors import DemoError, InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.policies.mlp import MLP
-from tests.data.formats.recorded import buffered, demo, grey, last, lerobot, minari, pair, robomimic
+from experiments.foreign.layouts import minari, robomimic
+from tests.data.formats.recorded import buffered, demo, grey, last, lerobot, pair
 
 
 @pytest.fixture(autouse=True)

@@ -13,7 +13,8 @@ import pytest
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.data.formats.parts import hdf5_probe
-from tests.data.formats.recorded import last, lerobot, minari, pair, robomimic
+from experiments.foreign.layouts import minari, robomimic
+from tests.data.formats.recorded import last, lerobot, pair
 
 CASES, EPISODES, STEPS = 40, 4, 12
 Tree = dict[str, np.ndarray]  # what a file holds, by place

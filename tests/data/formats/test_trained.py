@@ -9,7 +9,8 @@ import pytest
 
 import aerial_il
 from aerial_il.cli.main import main
-from tests.data.formats.recorded import demo, lerobot, robomimic
+from experiments.foreign.layouts import robomimic
+from tests.data.formats.recorded import demo, lerobot
 
 SHORT = ["algorithm.steps=2", "algorithm.batch_size=4", "run=run", "progress=false"]
 EYES = ["policy.image_features=8", "policy.hidden=[8]"]

@@ -12,6 +12,7 @@ from aerial_il.core.errors import InvalidValueError
 from experiments.common.seeds import EVALUATION_SEED, check_seeds, check_untuned
 from experiments.dagger.study import Dagger
 from experiments.from_prior.study import FromPrior
+from experiments.generation.study import Generation
 from experiments.imitation.study import Imitation
 
 
@@ -28,6 +29,7 @@ def test_evaluations_on_other_seeds_are_refused(seed: int, episodes: int) -> Non
     [
         (Imitation, {"algorithms": {**Imitation().algorithms, "mlp": BC(lr=1e-4)}}, "bench.algorithms.mlp"),
         (Dagger, {"cloning": BC(steps=500)}, "bench.cloning"),
+        (Generation, {"noise": 0.7}, "bench.noise"),
         (FromPrior, {"suited": {"insert_peg": {"dapg": {"gamma": 0.9}}}}, "bench.suited.insert_peg"),
     ],
 )
@@ -39,6 +41,7 @@ def test_tuning_on_the_reserved_seeds_is_refused(study: Any, changed: dict[str, 
 
 def test_fewer_draws_robots_and_flights_may_be_judged() -> None:
     check_untuned(Imitation(robots=("ua_quad_arm4",), tasks=("reach",), draws=(0,), episodes=10, num_envs=5))
+    check_untuned(Generation(flights=10, few=5))
     check_untuned(FromPrior(starts={"pick_place": (10,)}, arms=("dapg",), draws=(7,)))
 
 

@@ -35,7 +35,7 @@ URDF_CHANGES = {
     "no inertial": (
         PITCH[PITCH.index('<inertial><origin xyz="0.05') : PITCH.index('<collision><origin xyz="0.05')],
         "",
-        "link 'lower' has no <inertial>.*Give its <mass>",
+        "have no <inertial>: lower. Give <mass>",
     ),
     "no mass": (MASS, '<mass value="0"/>', "link 'lower': its mass is 0 kg"),
     "a plate like no solid": (

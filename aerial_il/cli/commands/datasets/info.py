@@ -31,26 +31,26 @@ def run(settings: Shown) -> None:
 
 
 def _as_text(described: dict[str, Any]) -> str:
+    from aerial_il.core.specs import UNKNOWN
+
     episodes = described["episodes"]
     won, seconds = sum(e["success"] for e in episodes), sum(e["seconds"] for e in episodes)
     tiers = ", ".join(dict.fromkeys(e["tier"] for e in episodes))
-    head = f"{described['path']}: {described['robot']} {described['task']} {tiers}. {described['instruction']}"
+    where = (described["robot"], described["task"], tiers)
     action = f"Action {described['action']['level']}: {', '.join(described['action']['elements'])}"
     total = f"{len(episodes)} episodes, {won} successful, {seconds:.0f} s of flight"
+    made_by = [table(described["made_by"])]
+    if described["foreign"]:  # which say less
+        known = " ".join(name for name in where if name != UNKNOWN)
+        where = (f"{described['format']}," if known else described["format"], known)
+        total += f": {sum(e['steps'] for e in episodes)} steps at {1 / described['control_dt_s']:g} Hz"
+        made_by = []
     hidden = {*MADE_BY, "instruction", *(key for key in LABELS if not any(e[key] for e in episodes))}
     shown = [{key: e[key] for key in e if key not in hidden} for e in episodes]
     notes = [_warning(described["repeated_seeds"])] if described["repeated_seeds"] else []
-    return "\n\n".join(
-        [
-            wrapped(head),
-            wrapped(action),
-            table(described["fields"]),
-            total,
-            table(described["made_by"]),
-            *notes,
-            table(shown),
-        ]
-    )
+    head = f"{described['path']}: {' '.join(filter(None, where))}. {described['instruction']}"
+    parts = [wrapped(head), wrapped(action), table(described["fields"]), total, *made_by, *notes, table(shown)]
+    return "\n\n".join(parts)
 
 
 def _warning(seeds: Sequence[int]) -> str:

@@ -75,7 +75,7 @@ def require_readable(path: Path) -> None:
         raise DemoError(path, "is damaged: the HDF5 library does not come back from it.")
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=4096)  # a dataset may be as many files, each looked at more than once
 def comes_back(path: str, changed_ns: int, size: int) -> bool:
     words = [sys.executable, "-I", "-c", PROGRAM, os.path.abspath(path)]
     ended = subprocess.run(words, capture_output=True, check=False).returncode

@@ -16,7 +16,6 @@ from aerial_il.robots.parts.described.ahead import Axis, require_ahead
 from aerial_il.robots.parts.described.chain import Chain, find_chain
 from aerial_il.robots.parts.described.error import ModelFileError
 from aerial_il.robots.parts.described.inertia import RigidBody, about, flaw, joined
-from aerial_il.robots.parts.described.joints import JointFigures
 from aerial_il.robots.parts.described.link import DescribedArm, DescribedLink
 from aerial_il.robots.parts.described.model import Model, read_model
 from aerial_il.robots.parts.described.placement import Placement, from_rpy
@@ -99,7 +98,7 @@ def read_arm(
     Args:
         path: the file. meshes: folder that holds its meshes, the file's own if None; nothing outside is opened.
         base: link that is bolted to the vehicle, the file's first if None.
-        tool: link at whose origin the gripper sits, the only end of the tree if None.
+        tool: link, or site of an MJCF, at whose origin the gripper sits; the only end of the tree if None.
         approach: axis of that link that points out of the gripper, x if None.
         zero: (J,) values of the file's joints, rad, in which the tool points ahead; zeros if None.
         mount: where the base link's origin sits on the vehicle's base, m.
@@ -110,7 +109,7 @@ def read_arm(
     Raises:
         ModelFileError: the file is no such arm; names link or joint, value, limit and what to change.
     """
-    model = read_model(path, meshes)
+    model = read_model(path, meshes, frame=tool)
     chain = find_chain(model, base=base, tool=tool, locked=locked or {}, drop=drop)
     zeros = _checked_zero(model, chain, zero)
     data = model.data(dict(zip(chain.joints, zeros, strict=True)) | _locked(model, locked))
@@ -220,8 +219,8 @@ class _Reader:
     def _servo(self, name: str) -> dict[str, float]:
         """Figures of a servo: the robot's own file first, then the model file, then what follows from the torque."""
         given, figures = self.servos[name], self.model.joints[name]
-        torque = self._needed(name, "torque", given.torque, figures, "the URDF's effort, or a forcerange, in N m")
-        speed = self._needed(name, "speed", given.speed, figures, "the URDF's velocity, in rad/s")
+        torque = self._needed(name, "torque", "the URDF's effort, or a forcerange, in N m")
+        speed = self._needed(name, "speed", "the URDF's velocity, in rad/s")
         stiffness = given.stiffness or figures.stiffness or STIFFNESS_PER_TORQUE * torque
         damping = given.damping or figures.damping or DAMPING_S * stiffness
         armature = given.armature if given.armature is not None else figures.armature
@@ -232,12 +231,20 @@ class _Reader:
             self._note(f"the rotor of {name!r} has an assumed armature of {armature:.4g} kg m²")
         return {"torque": torque, "speed": speed, "stiffness": stiffness, "damping": damping, "armature": armature}
 
-    def _needed(self, name: str, word: str, given: float | None, figures: JointFigures, where: str) -> float:
-        value = given if given is not None else getattr(figures, word)
-        if value is None or not np.isfinite(value) or value <= 0.0:
-            problem = f"joint {name!r} has no {word} above zero ({where})"
-            raise self.model.error(f"{problem}. Say it: servos={{{name!r}: Servo({word}=...)}}.")
-        return float(value)
+    def _needed(self, name: str, word: str, where: str) -> float:
+        """A figure that nothing else follows from; where it is missing, all joints that lack it are named."""
+        if (value := self._said(name, word)) is not None:
+            return value
+        lacking = [each for each in self.chain.names if self._said(each, word) is None]
+        which = f"servo=Servo({word}=...)" if len(lacking) > 1 else f"servos={{{name!r}: Servo({word}=...)}}"
+        have = "joints {} have" if len(lacking) > 1 else "joint {} has"
+        problem = f"{have.format(', '.join(map(repr, lacking)))} no {word} above zero ({where})"
+        raise self.model.error(f"{problem}. Say it: {which}.")
+
+    def _said(self, name: str, word: str) -> float | None:
+        given = getattr(self.servos[name], word)
+        value = given if given is not None else getattr(self.model.joints[name], word)
+        return None if value is None or not np.isfinite(value) or value <= 0.0 else float(value)
 
     def _shapes(self, group: int, seat: np.ndarray) -> tuple[Shape, ...]:
         """Shapes of what moves together, in the frame of its link; what collides is hidden where there are looks."""

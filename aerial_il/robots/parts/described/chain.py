@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -44,12 +44,10 @@ def find_chain(
     joints = [joint for body in path for joint in _turning(model, body, locked)]
     _check_chain(model, joints)
     names = tuple(model.compiled.joint(joint).name for joint in joints)
-    group = {root: 0}
-    for body in kept[1:]:
-        own = [joint for joint in _moving(model, body) if model.compiled.joint(joint).name not in locked]
-        stray = [joint for joint in own if joint not in joints]
-        if stray:
-            raise model.error(_stray(model, body, stray[0], end))
+    group, moved = {root: 0}, {body: _turning_or_sliding(model, body, locked) for body in kept[1:]}
+    if stray := {body: own for body, own in moved.items() if set(own) - set(joints)}:
+        raise model.error(_stray(model, stray, end))
+    for body, own in moved.items():
         group[body] = joints.index(own[0]) + 1 if own else group[model.parent(body)]
     groups = tuple(tuple(body for body in kept if group[body] == k) for k in range(len(joints) + 1))
     return Chain(root, end, tuple(joints), names, groups)
@@ -86,8 +84,10 @@ def _path(model: Model, root: int, end: int) -> list[int]:
     return path[-2::-1]
 
 
-def _moving(model: Model, body: int) -> list[int]:
-    return [joint for joint in model.joints_of(body) if int(model.compiled.jnt_type[joint]) != FREE]
+def _turning_or_sliding(model: Model, body: int, locked: Mapping[str, float]) -> list[int]:
+    """The joints of a body that are not locked; one that is free is not the arm's."""
+    free = {joint for joint in model.joints_of(body) if int(model.compiled.jnt_type[joint]) == FREE}
+    return [j for j in model.joints_of(body) if j not in free and model.compiled.joint(j).name not in locked]
 
 
 def _turning(model: Model, body: int, locked: Mapping[str, float]) -> list[int]:
@@ -120,11 +120,13 @@ def _check_chain(model: Model, joints: list[int]) -> None:
         raise model.error("a <connect> or <weld> closes a loop, and an arm here is a chain without.")
 
 
-def _stray(model: Model, body: int, joint: int, end: int) -> str:
-    name, link = model.compiled.joint(joint).name, model.name(body)
+def _stray(model: Model, stray: Mapping[int, Sequence[int]], end: int) -> str:
+    names = [model.compiled.joint(joint).name for joints in stray.values() for joint in joints]
+    links = [model.name(body) for body in stray]
+    locked = ", ".join(f"{name!r}: 0.0" for name in names)
     return (
-        f"joint {name!r} moves the link {link!r} beside the chain that ends at {model.name(end)!r}. Weld it "
-        f"(locked={{{name!r}: 0.0}}), leave the link away (drop=[{link!r}]), or end the chain there (tool=...)."
+        f"joints that move links beside the chain that ends at {model.name(end)!r}: {', '.join(names)}. Weld them "
+        f"(locked={{{locked}}}), leave their links away (drop={links}), or end the chain there (tool=...)."
     )
 
 

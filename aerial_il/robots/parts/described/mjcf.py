@@ -27,6 +27,8 @@ REFUSED = {
     "flex": "it is deformable",
     "hfield": "it is terrain",
 }
+PLAIN = "python -c \"import mujoco; open('plain.xml', 'w').write(mujoco.MjSpec.from_file('{}').to_xml())\""
+PLACE = ("pos", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 UNUSED = ("texture", "skin", "layer", "keyframe", "size", "statistic", "visual", "sensor", "custom")
 SETTINGS = {"discardvisual": "false", "fusestatic": "false", "balanceinertia": "false"}
 FOLDERS = ("meshdir", "assetdir", "texturedir", "boundmass", "boundinertia", "settotalmass", "strippath")
@@ -34,8 +36,8 @@ HINGE, BY_JOINT = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtTrn.mjTRN_JOIN
 TIED, WRAPPED = int(mujoco.mjtEq.mjEQ_JOINT), int(mujoco.mjtWrap.mjWRAP_JOINT)
 
 
-def prepare(root: Element, source: Path, meshes: MeshFiles) -> None:
-    """Check an MJCF and make it one that is complete in itself.
+def prepare(root: Element, source: Path, meshes: MeshFiles, frame: str | None = None) -> None:
+    """Check an MJCF and make it one that is complete in itself; its site ``frame``, if it is one, becomes a body.
 
     Raises:
         ModelFileError: it refers to files, runs code or generates elements.
@@ -43,7 +45,7 @@ def prepare(root: Element, source: Path, meshes: MeshFiles) -> None:
     for element in root.iter():
         if element.tag in REFUSED:
             problem = f"<{element.tag}> is not supported: {REFUSED[element.tag]}."
-            raise ModelFileError(source, f"{problem} Save it as one plain file: MjSpec.to_xml().")
+            raise ModelFileError(source, f"{problem} Save it as one plain file: {PLAIN.format(source)}")
     remove(root, UNUSED)
     for material in root.iter("material"):
         material.attrib.pop("texture", None)
@@ -62,6 +64,8 @@ def prepare(root: Element, source: Path, meshes: MeshFiles) -> None:
         for word in FOLDERS:
             compiler.attrib.pop(word, None)
     SubElement(root, "compiler", SETTINGS)
+    if frame not in {body.get("name") for body in root.iter("body")}:
+        _frame(root, frame)
     try:
         check_scene(root, files=tuple(meshes.contents))
     except InvalidValueError as error:
@@ -73,6 +77,13 @@ def _mesh_folder(root: Element) -> str:
     for compiler in root.iter("compiler"):
         folder = compiler.get("meshdir") or compiler.get("assetdir") or folder
     return f"{folder.rstrip('/')}/" if folder else ""
+
+
+def _frame(root: Element, name: str | None) -> None:
+    """Put a body without mass where a site of that name is."""
+    for body in list(root.iter("body")):
+        for site in [site for site in body.findall("site") if name and site.get("name") == name]:
+            SubElement(body, "body", {"name": str(name), **{w: site.attrib[w] for w in PLACE if w in site.attrib}})
 
 
 def joint_figures(model: mujoco.MjModel) -> dict[str, JointFigures]:

@@ -133,12 +133,13 @@ class Model:
         return RigidBody(float(self.compiled.body_mass[body]), data.xipos[body].copy(), tensor)
 
 
-def read_model(path: str | Path, meshes: str | Path | None = None) -> Model:
+def read_model(path: str | Path, meshes: str | Path | None = None, *, frame: str | None = None) -> Model:
     """Read and compile a URDF or MJCF.
 
     Args:
         path: the file; what it holds is data, nothing of it is run.
         meshes: folder that holds its meshes, the file's own if None. Nothing outside of it is opened.
+        frame: what must be a body: an MJCF's site of that name becomes one.
 
     Raises:
         ModelFileError: it cannot be read, or describes nothing that can be built.
@@ -150,7 +151,7 @@ def read_model(path: str | Path, meshes: str | Path | None = None) -> Model:
     if root.tag == "robot":
         joints = urdf.prepare(root, source, files)
     elif root.tag == "mujoco":
-        mjcf.prepare(root, source, files)
+        mjcf.prepare(root, source, files, frame)
     else:
         raise ModelFileError(source, f"it begins with <{root.tag}>: neither URDF (<robot>) nor MJCF (<mujoco>).")
     compiled = _compiled(root, source, files)

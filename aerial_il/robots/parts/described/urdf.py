@@ -40,6 +40,9 @@ def prepare(root: Element, source: Path, meshes: MeshFiles) -> dict[str, JointFi
     _check_tree(links, joints, source)
     found = {name: _figures(joint, source) for name, joint in joints.items() if joint.get("type") in TURNING}
     moved = {_end(joint, "child", source) for joint in joints.values() if joint.get("type") != RIGID}
+    if bare := [name for name, link in links.items() if name in moved and link.find("inertial") is None]:
+        problem = f"links that joints move have no <inertial>: {', '.join(bare)}."
+        raise ModelFileError(source, f"{problem} Give <mass> (kg) and <inertia> (kg m², about the centre of mass).")
     for name, link in links.items():
         _check_inertia(link, name, name in moved, source)
     remove(root, UNUSED)
@@ -118,10 +121,7 @@ def _check_inertia(link: Element, name: str, moved: bool, source: Path) -> None:
     """Require the inertia of a solid; a frame, which no joint moves, needs none and is left without."""
     inertial = link.find("inertial")
     if inertial is None:
-        if not moved:
-            return
-        problem = f"link {name!r} has no <inertial>, and nothing without mass can be moved by a joint."
-        raise ModelFileError(source, f"{problem} Give its <mass> (kg) and <inertia> (kg m², about its centre of mass).")
+        return
     where = f"the inertial of link {name!r}"
     mass = _number(inertial.find("mass"), "value", source, where)
     xx, yy, zz, xy, xz, yz = (_number(inertial.find("inertia"), moment, source, where) for moment in MOMENTS)

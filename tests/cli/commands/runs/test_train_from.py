@@ -13,7 +13,9 @@ import yaml
 import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.cli.main import main
+from aerial_il.evaluation import training_run
 from aerial_il.policies.mlp import MLP
+from aerial_il.workflows.parts import earlier_run
 
 FEW = {"steps": 4, "lr": 2e-3, "batch_size": 16}
 WORDS = [f"algorithm.{name}={value}" for name, value in FEW.items()]
@@ -47,6 +49,15 @@ def test_all_settings_are_taken(home: Path, monkeypatch: pytest.MonkeyPatch) -> 
     weights = [{f.name: f.read_bytes() for f in Path(run, "policy").glob("*.safetensors")} for run in ("a", "same")]
     assert weights[0] == weights[1] != {}
     assert before == {file: file.read_bytes() for file in Path("a").rglob("*") if file.is_file()}
+
+
+def test_the_run_is_read_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its metrics may be long."""
+    monkeypatch.chdir(home)
+    opened = []
+    monkeypatch.setattr(earlier_run, "read_run", lambda place: opened.append(place) or training_run.read_run(place))
+    assert main(["train", "from=a", "algorithm.lr=1e-4", "run=once", "progress=false"]) == 0
+    assert opened == ["a"]
 
 
 def test_what_is_typed_goes_before_them(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -21,7 +21,8 @@ from aerial_il.data.formats.parts.lerobot.identity import UID
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
-SUPPORTED = "v3."
+SUPPORTED, OLDER = "v3.", "v2.1"
+CONVERTER = "python -m lerobot.scripts.convert_dataset_v21_to_v30 --repo-id=NAME --root={} --push-to-hub=false"
 MAX_TABLE_BYTES = 160 << 20
 MAX_SWELLING = 8  # times the bytes of a file that its columns may take
 TEXTS = "tasks.list.element"  # of episodes; a text that repeats is kept once, as a demo.uid is
@@ -75,8 +76,9 @@ def provenance(path: Path) -> dict[str, Any]:
 
 
 def _check_info(path: Path, info: Mapping[str, Any]) -> None:
-    if not str(info["codebase_version"]).startswith(SUPPORTED):
-        raise DemoError(path, "is of another LeRobot version.", expected=f"{SUPPORTED}x", got=info["codebase_version"])
+    if not str(version := info["codebase_version"]).startswith(SUPPORTED):
+        hint = f"LeRobot itself converts it, in place: {CONVERTER.format(path)}" if version == OLDER else ""
+        raise DemoError(path, "is of another LeRobot version.", expected=f"{SUPPORTED}x", got=version, hint=hint)
     for key in ("data_path", "video_path"):
         if info.get(key):
             _inside(path, str(info[key]))

@@ -1,0 +1,52 @@
+"""Judge demonstrations against each other: which stand still, jerk, hit bounds, come late, act unlike others, repeat.
+
+Each measure becomes a column of the dataset, for info, filter and browse: idle, jerk, saturation, inconsistency, lag_s,
+information, repeats (the name of the same one), and suspect (the reasons; empty for none).
+
+Example: aerial-il judge datasets/pick
+Example: aerial-il filter datasets/pick where="suspect == ''" out=datasets/sound
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from aerial_il.cli.as_json import AsJson
+from aerial_il.cli.tables import table
+from aerial_il.workflows.judge import Judge, judge
+
+if TYPE_CHECKING:
+    from aerial_il.data.quality.judge import Judgement
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged(AsJson, Judge):
+    """How it is shown."""
+
+
+SETTINGS, BARE = Judged, ("dataset",)
+
+
+def run(settings: Judged) -> None:
+    """Print the suspects, and how many there are of each kind."""
+    found = judge(settings)
+    settings.show(dict(found.columns), lambda: _as_text(found, settings.dataset))
+
+
+def _as_text(found: Judgement, dataset: str) -> str:
+    suspects, count = found.suspects, len(found.columns["suspect"])
+    if not suspects:
+        return f"{count} demonstrations, none of them suspect."
+    reasons = Counter(reason for why in suspects.values() for reason in why.split(", "))
+    told = ", ".join(f"{reason} {times}" for reason, times in reasons.most_common())
+    measures = [name for name in found.columns if name not in ("suspect", "repeats")]
+    rows = [
+        {"uid": uid, "suspect": why, **{name: found.columns[name][uid] for name in measures}}
+        for uid, why in suspects.items()
+    ]
+    head = f"{len(suspects)} of {count} demonstrations are suspect: {told}."
+    after = f"Look at one: aerial-il view {dataset} episode={next(iter(suspects))}"
+    then = f"Next: aerial-il filter {dataset} where=\"suspect == ''\" out={dataset.rstrip('/')}-sound"
+    return "\n\n".join([head, table(rows), f"{after}\n{then}"])
