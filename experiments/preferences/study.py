@@ -96,7 +96,7 @@ class Preferences:
     tasks: tuple[str, ...] = ("pick_place", "insert_peg")
     demos: int = 120
     arms: tuple[str, ...] = ARMS
-    draws: tuple[int, ...] = (0,)
+    draws: tuple[int, ...] = (0, 1)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
     num_envs: int = 25
