@@ -14,8 +14,8 @@ from aerial_il.core.composition import base_of
 from aerial_il.core.schema import FROM, Key, options
 
 _ORDER = (
-    "demo", "list", "view", "collect", "generate", "browse", "judge", "merge", "split", "filter", "relabel", "delete",
-    "undo", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert", "card",
+    "demo", "list", "view", "collect", "generate", "browse", "card", "judge", "merge", "split", "filter", "relabel",
+    "delete", "undo", "prefer", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert",
     "publish",
 )  # fmt: skip
 _WIDTH, _COLUMNS = 34, 120

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -29,7 +29,6 @@ TRANSIT = "transit"
 NEAR_M = 0.04  # from where a path begins, at which it does
 PATIENCE_STEPS = 50  # that commands wait for the tool, in a segment
 TURN_RAD = 0.6  # that a tool is turned ahead on its way
-SLIP_SHARE = 0.1  # of a change in how a thing is held that is believed in a step; it shakes with the tool
 HELD_M, ATTEMPTS = 0.03, 3  # a thing that is farther from where it was held has been missed
 NOISE_ON_THE_WAY, NOISE_AT_THINGS = 1.0, 0.2  # shares of the perturbation
 
@@ -43,7 +42,7 @@ class _World:
         phase: of it. opening: of the gripper on the way. way: points that the tool passes before it begins.
         told: for the provenance, of each segment that was begun.
         arrived: whether the tool has come. step: of the path. waited: steps in which the tool was late.
-        attempts: at this segment. aside: (3,) m, by how much what is carried lies elsewhere in the gripper.
+        attempts: at this segment.
     """
 
     left: list[Segment]
@@ -58,7 +57,6 @@ class _World:
     step: int = 0
     waited: int = 0
     attempts: int = 1
-    aside: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
 
 class Generator:
@@ -155,15 +153,14 @@ class Generator:
         if not world.arrived:
             return self._on_the_way(i, world)
         step = min(world.step, len(world.path) - 1)
-        seen = self._slipped(i, world, step)
-        world.aside = seen if world.step == 0 else world.aside + SLIP_SHARE * (seen - world.aside)
-        late = np.linalg.norm(tool - world.path.there[step] - world.aside) > world.path.slack[step]
+        aside = self._slipped(i, world, step)
+        late = np.linalg.norm(tool - world.path.there[step] - aside) > world.path.slack[step]
         if late and world.waited < PATIENCE_STEPS:
             world.waited += 1
         else:
             world.step += 1
         action = world.actions[step].copy()
-        action[:3] += world.aside
+        action[:3] = world.path.sent(step) + aside
         return action
 
     def _on_the_way(self, i: int, world: _World) -> np.ndarray:

@@ -12,7 +12,7 @@ from aerial_il.core.rotations import rot6d_from_mat
 from aerial_il.generation.segments import Segment
 from aerial_il.generation.things import Poses, Thing
 
-LATE_M, LATE_TO_GRIP_M = 0.02, 0.004  # a command waits for a tool that is farther; the second where fingers move
+LATE_M, LATE_TO_GRIP_M = 0.02, 0.006  # a command waits for a tool that is farther; the second where fingers move
 GRIP_SHARE = 0.1  # of the opening that a gripper changes in a step when it moves
 LEAST_TRAVEL = 1e-3  # rad or m that a joint moved in the source, for its way to be scaled
 
@@ -42,10 +42,18 @@ class Path:
         return len(self.pos)
 
     @cached_property
+    def grips(self) -> np.ndarray:
+        """(K,) bool: after which steps the fingers move."""
+        return np.abs(np.diff(self.gripper, append=self.gripper[-1])) > GRIP_SHARE
+
+    @property
     def slack(self) -> np.ndarray:
         """(K,) m, how far the tool may be from where it is expected before a command waits for it."""
-        moves = np.abs(np.diff(self.gripper, append=self.gripper[-1])) > GRIP_SHARE
-        return np.where(moves, LATE_TO_GRIP_M, LATE_M)
+        return np.where(self.grips, LATE_TO_GRIP_M, LATE_M)
+
+    def sent(self, step: int) -> np.ndarray:
+        """Return where the tool is sent (3,) m: where it is expected before fingers move, so that it gets there."""
+        return self.there[step] if self.grips[step] else self.pos[step]
 
     @property
     def actions(self) -> np.ndarray:

@@ -40,6 +40,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
     "judge": [["demos"]],
     "merge": [["demos", "demos", "out=merged"]],
+    "prefer": [["demos", "length=2", "pairs=1", "out=said.jsonl"]],
     "publish": [["demos", "out=hub", "license=mit"]],
     "recover": [["demos"]],
     "relabel": [["demos", "where=seed == 0", "tag=first"]],

@@ -47,6 +47,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "film": (["out=OUT/f.webp"], "%"),
     "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
+    "prefer": (["demos", "by=hand", "length=20", "out=OUT/p.jsonl", "port=0", "open=false"], "http"),
     "publish": (["demos", "out=OUT/hub", "license=mit"], "convert:"),
     "replay": (["demos"], "replay:"),
     "judge": (["demos"], "judge:"),

@@ -21,6 +21,7 @@ import torch
 import aerial_il
 from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.cpl import CPL
 from aerial_il.algorithms.on_policy.settings import Rollout
 from aerial_il.algorithms.online.algorithm import Algorithm as Flying
 from aerial_il.collection.collect import collect
@@ -110,6 +111,8 @@ def small(name: str) -> Any:
         return made(cls, ON_POLICY | WHOLE.get(name, {}) | ({"reward": "environment"} if cls.rewarded else learned))
     if cls is BC:
         return CLONES
+    if issubclass(cls, CPL):
+        return cls(cloning=CLONES, pairs=200, length=6, looked_at=3, steps=60, batch_size=16, lr=1e-3, ema=0.9)
     return cls(**known(cls, {"rounds": 2, "episodes": 4, "training": CLONES, "between_steps": 60}))
 
 
@@ -128,6 +131,8 @@ def short(name: str, steps: int) -> Any:
         "buffer_size": 4096,  # the usual million takes 0.4 GB of a real cell's transitions, and some algorithms stay
     }
     changes |= WHOLE.get(name, {})
+    if isinstance(settings, CPL):
+        changes["cloning"] = replace(CLONES, steps=steps, batch_size=8)
     if "training" in {field.name for field in fields(settings)}:
         training = replace(CLONES, steps=steps, batch_size=8)
         changes = {"rounds": 2, "episodes": 2, "training": training, "between_steps": steps, "evaluate_every": 1}

@@ -16,7 +16,8 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
-from aerial_il.workflows.parts.browse_server import HEADERS, BrowseServer
+from aerial_il.workflows.parts.browse_server import BrowseServer
+from aerial_il.workflows.parts.local_server import HEADERS, LocalServer
 from tests.curation.conftest import QUIET, digests
 from tests.presentation.browser import dom_after
 from tests.presentation.outline import needs_nothing_else
@@ -39,7 +40,7 @@ def server(dataset: Path) -> Iterator[BrowseServer]:
 
 
 def ask(
-    server: BrowseServer, path: str, body: object = None, *, token: str | None = None, **headers: str
+    server: LocalServer, path: str, body: object = None, *, token: str | None = None, **headers: str
 ) -> tuple[int, str]:
     """Return the status and the text of an answer; a POST where there is a body."""
     connection = HTTPConnection("127.0.0.1", server.server_port)

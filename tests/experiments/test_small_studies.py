@@ -12,6 +12,7 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
+from aerial_il.algorithms.cpl import CPL
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
@@ -47,6 +48,17 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "practising": build(BCPPO, {"steps": 20_000, "rollout": {"steps": 8_000}, "reward_patience": 0}),
         "tasks": ("reach",),
         "demos": 2,
+        "episodes": 2,
+    },
+    "preferences": lambda: {
+        "policy": MLP(hidden=(16,)),
+        "cloning": CLONING,
+        "learning": CPL(cloning=CLONING, steps=5, pairs=10, length=8, batch_size=4),
+        "filtering": FilteredBC(**ROUNDS, training=CLONING),
+        "poor": CLONING,
+        "poor_demos": 2,
+        "tasks": ("reach",),
+        "demos": 6,
         "episodes": 2,
     },
     "experts": lambda: {"robots": ("ua_quad_arm4",), "tasks": ("reach",), "tiers": ("calm",), "episodes": 1},

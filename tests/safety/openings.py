@@ -73,6 +73,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("reward", "run"): [dataset, "out=reward.svg"],
         ("reward", "dataset"): [f"run={sound.run}", "out=reward.svg"],
         ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
+        ("prefer", "dataset"): ["length=2", "pairs=1", "out=said.jsonl", QUIET],
+        ("prefer", "out"): [dataset, "length=2", "pairs=1", QUIET],
         ("split", "dataset"): ["out=parts", QUIET],
         ("split", "out"): [dataset, QUIET],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],

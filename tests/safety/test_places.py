@@ -30,6 +30,7 @@ FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and wh
     "report of a dataset": (".html", lambda s, out: ["report", f"result={s.dataset}", f"out={out}"]),
     "view of a recording": (".html", lambda s, out: ["view", f"recording={s.recording}", f"out={out}", QUIET]),
     "view of a flight": (".html", lambda s, out: ["view", ENV, f"policy={s.run}", f"out={out}", QUIET]),
+    "prefer": (".jsonl", lambda s, out: ["prefer", f"dataset={s.dataset}", "length=2", "pairs=1", f"out={out}", QUIET]),
     "inspect": (".rrd", lambda s, out: ["inspect", f"path={s.recording}", f"save={out}"]),
     "picture": (".png", lambda s, out: ["inspect", f"path={s.recording}", "save=a.rrd", f"screenshot={out}"]),
     "film": (".webp", lambda s, out: ["film", "flights=[quad/hover]", f"out={out}", QUIET]),

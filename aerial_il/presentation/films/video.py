@@ -200,17 +200,26 @@ def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[st
         yield env.step(batch, only_first).info
 
 
-def film_recording(episode: Episode, path: Path, *, flags: np.ndarray | None = None, progress: bool = False) -> Path:
+def film_recording(
+    episode: Episode,
+    path: Path,
+    *,
+    steps: range | None = None,
+    flags: np.ndarray | None = None,
+    progress: bool = False,
+) -> Path:
     """Write the film of a recorded flight in real time, from its states: as a whole, and what the robot sees.
 
     Args:
-        episode: the recording. path: MP4 file. flags: (T, K) sub-tasks after each step, if they are known.
+        episode: the recording. path: MP4 file. steps: consecutive ones that are shown; None for all.
+        flags: (T, K) sub-tasks after each step, if they are known.
         progress: show a progress bar.
     """
     stride, rate = rate_of(episode.spec.control_dt_s, FPS)
-    steps = [*range(0, len(episode), stride), len(episode)]
-    moments = [(caption_of(episode, step, flags), episode.states[step]) for step in steps]
-    with Progress(total=len(steps), desc="film", unit="frame", disable=not progress) as bar:
+    shown = range(len(episode)) if steps is None else steps
+    due = [*shown[::stride], shown.stop]
+    moments = [(caption_of(episode, step, flags), episode.states[step]) for step in due]
+    with Progress(total=len(due), desc="film", unit="frame", disable=not progress) as bar:
         frames = _in_the_studio(episode.model_xml, moments, ("scene", "wrist", "base"), bar)
         write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))
     return path

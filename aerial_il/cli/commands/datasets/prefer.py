@@ -1,0 +1,38 @@
+"""Say which of two pieces of flight is the better one, for algorithm=cpl: a script does, or you on a page.
+
+The script prefers the segment that brought success nearer, as flights that succeed tell it; it uses no reward. Answers
+are appended to out=FILE.jsonl as they are given, and the same command goes on where it was stopped.
+
+Example: aerial-il prefer datasets/mixed pairs=2000 out=mixed.jsonl
+Example: aerial-il prefer datasets/mixed pairs=2000 flipped=0.1 out=careless.jsonl
+Example: aerial-il prefer datasets/mixed by=hand out=mine.jsonl
+Example: aerial-il train dataset=datasets/mixed algorithm=cpl algorithm.preferences=mixed.jsonl run=runs/preferred
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from aerial_il.workflows.prefer import Prefer, prefer
+
+if TYPE_CHECKING:
+    from aerial_il.workflows.parts.prefer_server import PreferServer
+
+SETTINGS, BARE = Prefer, ("dataset",)
+
+
+def run(settings: Prefer) -> None:
+    """Judge, or serve the page until interrupted, and say what the file holds."""
+
+    def greet(server: PreferServer) -> None:
+        import webbrowser
+
+        from aerial_il.presentation.films.window import has_screen
+
+        print(f"Judge here: {server.url}\nCtrl-C ends it; the same command goes on.", flush=True)
+        if settings.open and has_screen():
+            webbrowser.open(server.url)
+
+    made = prefer(settings, greet)
+    counts = ", ".join(f"{made.counts.get(name, 0)} {name}" for name in ("left", "right", "equal"))
+    print(f"{made.path}: {sum(made.counts.values())} pairs, {counts}.")
