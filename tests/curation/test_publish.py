@@ -50,8 +50,8 @@ def test_the_folder_is_a_lerobot_dataset_with_a_card(published: Published, datas
     assert {entry.name for entry in hub.iterdir()} == {"meta", "data", "README.md", "card.html"}
     successes = open_dataset(dataset)
     assert open_dataset(hub).uids == successes.uids
-    front = DatasetCard((hub / "README.md").read_text()).data
-    assert (front.license, front.task_categories, front.tags[0]) == ("cc-by-4.0", ["robotics"], "LeRobot")
+    front = DatasetCard((hub / "README.md").read_text()).data.to_dict()
+    assert (front["license"], front["task_categories"], front["tags"][0]) == ("cc-by-4.0", ["robotics"], "LeRobot")
     assert f"| episodes | {len(successes)}, of which" in (hub / "README.md").read_text()
     assert digests(dataset) == before
     whole = (hub / "meta" / "provenance.json").stat().st_mtime_ns
