@@ -38,7 +38,10 @@ def settings_of(command: Command, overrides: Sequence[str], earlier: Any = None)
         UnknownNameError: there is no such key or choice. InvalidValueError: a value does not fit, or one is missing.
     """
     try:
-        earlier = _earlier(command.settings, overrides) if earlier is None else earlier
+        if earlier is None:
+            parsed = _parsed(overrides)
+            place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
+            earlier = base_of(command.settings, getattr(place, "text", place), {each.key_or_group for each in parsed})
         return build(command.settings, said(command.settings, overrides, earlier), base=earlier)
     except UnknownNameError as error:
         if error.kind != "key":
@@ -120,13 +123,6 @@ def output_folder(command: Command, overrides: Sequence[str]) -> str:
     if not isinstance(folder, str):
         raise InvalidValueError(f"{command.name} needs {command.output}=... {command.hint}")
     return folder
-
-
-def _earlier(settings: type, overrides: Sequence[str]) -> Any:
-    """Return the settings of the earlier work that overrides name, or None."""
-    parsed = _parsed(overrides)
-    place = next((each.value() for each in parsed if each.key_or_group == FROM), None)
-    return base_of(settings, getattr(place, "text", place), {each.key_or_group for each in parsed})
 
 
 def _ways(word: str, parsed: Any) -> list[str]:
