@@ -230,6 +230,7 @@ def _beside(rows: list[Row]) -> Iterator[str]:
         others = {arm: cells[task, arm] for arm in (SUCCESSES, BETTER_HALF, FILTERED) if (task, arm) in cells}
         if CPL_ARM in {arm for cell, arm in cells if cell == task} and others:
             said = ", ".join(f"{arm} {percent:g} %" for arm, percent in others.items())
-            mine, best = cells[task, CPL_ARM], max(others.values())
-            verdict = "Preferences teach more than any of them." if mine > best else "Preferences do not teach more."
+            mine, ahead = cells[task, CPL_ARM], cells[task, CPL_ARM] - max(others.values())
+            word = "more" if ahead > 0.0 else "less"
+            verdict = f"Preferences teach {abs(ahead):.3g} points {word} than the best of these."
             yield f"{task}: cpl {mine:g} %; with the same flights, and success known of each, {said}. {verdict}"

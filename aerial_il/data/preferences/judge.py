@@ -32,6 +32,7 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.data.episode import Episode
 from aerial_il.data.preferences.pairs import Pair, Preference, Preferred, Segment, flip
 
+BY_HAND = "Judge by hand: aerial-il prefer by=hand."
 FOLDS = 5  # a flight's own outcome must not tell its values
 FEATURES, WIDTH, RIDGE = 384, 1.5, 1e-3  # of the kernel, as for consistency of demonstrations
 EVERY = 4  # steps, of which one is fitted
@@ -68,7 +69,7 @@ class ScriptedJudge:
             episodes: all flights of the dataset, of one environment. pairs: of segments of theirs.
 
         Raises:
-            InvalidValueError: fewer than two flights succeed.
+            InvalidValueError: fewer than two flights succeed, or they show no state.
         """
         values = _Values(list(episodes), self.horizon_s, self.followed)
         for left, right in pairs:
@@ -89,8 +90,7 @@ class _Values:
         won = np.array([episode.success for episode in episodes])
         if won.sum() < 2:
             raise InvalidValueError(
-                f"The script judges by success, and {won.sum()} of {len(won)} flights succeed: it takes 2. Judge by "
-                "hand: aerial-il prefer by=hand."
+                f"The script judges by success, and {won.sum()} of {len(won)} flights succeed: it takes 2. {BY_HAND}"
             )
         self._followed, self._decay = followed, np.exp(-episodes[0].spec.control_dt_s / horizon_s)
         self._outcomes = {e.uid: e.success * self._decay ** np.arange(len(e), -1.0, -1.0) for e in episodes}
@@ -108,7 +108,9 @@ class _Values:
 
 
 def _states(episode: Episode) -> np.ndarray:
-    return episode.flat_obs(episode.spec.observation.state_names)
+    if not (names := episode.spec.observation.state_names):
+        raise InvalidValueError(f"Episode {episode.uid} shows no state field, by which the script judges. {BY_HAND}")
+    return episode.flat_obs(names)
 
 
 def _fitted(states: Sequence[np.ndarray], outcomes: Sequence[np.ndarray], won: np.ndarray) -> list[np.ndarray]:
