@@ -60,7 +60,8 @@ class Coverage:
         if not self._is_alike(episode.spec):
             self.others += 1
             return False
-        states = episode.flat_obs(self.spec.observation.state_names)
+        names = self.spec.observation.state_names
+        states = episode.flat_obs(names) if names else np.zeros((len(episode) + 1, 0))
         rows = np.concatenate([states[:-1], episode.executed_actions], axis=1)
         self.low, self.high = np.minimum(self.low, rows.min(0)), np.maximum(self.high, rows.max(0))
         chosen = np.unique(np.linspace(0, len(rows) - 1, min(self.rows_each, len(rows))).round().astype(int))
@@ -71,6 +72,11 @@ class Coverage:
         self.steps += len(episode)
         self._count_phases(episode)
         return True
+
+    @property
+    def sees_images_alone(self) -> bool:
+        """Whether there are no states."""
+        return not self.spec.observation.state_names
 
     @property
     def solved(self) -> np.ndarray:

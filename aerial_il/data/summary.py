@@ -60,12 +60,14 @@ def summarise(dataset: Dataset, *, progress: bool = False) -> Summary:
         for episode in Progress(dataset, desc="card", unit="ep", total=len(dataset), disable=not progress):
             covered[:] = covered or [Coverage.of(episode, len(dataset))]
             rows.append(describe_episode(episode))
-            if covered[0].add(episode) and episode.success:
+            if covered[0].add(episode) and episode.success and not covered[0].sees_images_alone:
                 yield episode
 
     found, judged = _verdicts(seen(), columns)
     if not covered:
         raise DemoError(dataset.path, "has no episode that can be read.")
+    if covered[0].sees_images_alone:
+        judged = "Pictures alone are not judged."
     if unjudged := sum(row["success"] and row["uid"] not in found.get(SUSPECT, {}) for row in rows) if found else 0:
         judged += f" {unjudged} demonstrations have no verdict: aerial-il judge gives them one."
     more = {**columns, **found}

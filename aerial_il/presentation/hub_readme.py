@@ -8,9 +8,11 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Collection, Sequence
+from pathlib import Path
 
 import yaml
 
+from aerial_il.core.bounded import read_text
 from aerial_il.core.lerobot_names import ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.places import README_SIGN
 from aerial_il.core.specs import UNKNOWN, EnvSpec, camera_name
@@ -20,6 +22,7 @@ from aerial_il.presentation.markdown import table
 SIZES = {1_000: "n<1K", 10_000: "1K<n<10K", 100_000: "10K<n<100K", 1_000_000: "100K<n<1M", 10_000_000: "1M<n<10M"}
 LARGEST = "n>10M"
 FEATURES = {"proprio": STATE, "task": ENVIRONMENT}
+_LICENSE = re.compile(r"^license: ([\w.-]+)$", re.MULTILINE)
 _SIGNS = re.compile(r"([\\`*_{}\[\]()#+!|~-])")
 
 
@@ -66,6 +69,14 @@ def hub_readme(
         table(("element", "unit", "lower bound", "upper bound"), actions),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def stated_license(readme: Path) -> str | None:
+    """Return the licence that a README of ours states, or None."""
+    if not readme.is_file():
+        return None
+    found = _LICENSE.search(read_text(readme).split("\n---", 1)[0])
+    return found[1] if found else None
 
 
 def hub_tags(summary: Summary, *, lerobot: bool) -> list[str]:

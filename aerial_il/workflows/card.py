@@ -17,7 +17,7 @@ class Card(Reading):
         path: dataset in any format that is read; failures of a folder of recordings are counted, too.
         out: the page, .html; card.html in a folder of recordings or of LeRobot's, beside any other by default.
         readme: write the hub's README, .md, too (null: README.md of a LeRobot dataset, none of another).
-        license: of the data, for the README.
+        license: of the data, for the README (null: the one that it states already, if any).
         films: of suspects and of what is least alike, at most.
         progress: show a progress bar.
     """
@@ -54,7 +54,7 @@ def card(settings: Card) -> CardFiles:
     from aerial_il.data.dataset import open_dataset
     from aerial_il.data.formats import lerobot
     from aerial_il.data.summary import summarise
-    from aerial_il.presentation.hub_readme import hub_readme
+    from aerial_il.presentation.hub_readme import hub_readme, stated_license
     from aerial_il.presentation.pages.card import write_card
     from aerial_il.workflows.parts import dataset_card as parts
 
@@ -79,6 +79,7 @@ def card(settings: Card) -> CardFiles:
         lines = parts.lerobot_loading(None, path) if of_hub else load
         beside = page.name if page.resolve().parent == readme.resolve().parent else ""
         title, features = path.resolve().name, lerobot.features_of(path) if of_hub else None
-        text = hub_readme(summary, title=title, license=settings.license, load=lines, features=features, page=beside)
+        license = settings.license or stated_license(readme)
+        text = hub_readme(summary, title=title, license=license, load=lines, features=features, page=beside)
         write_atomic(readme, text)
     return CardFiles(page, readme, note)

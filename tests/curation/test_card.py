@@ -176,6 +176,8 @@ def test_a_lerobot_dataset_gets_the_readme_of_a_hub(dataset: Path, tmp_path: Pat
     assert (
         "keeps no scene" in (derived / "card.html").read_text() or "are too few" in (derived / "card.html").read_text()
     )
+    assert main(["card", str(derived), QUIET]) == 0
+    assert "\nlicense: mit\n" in readme.read_text(), "what was said of it stays"
     assert main(["convert", str(dataset), f"out={derived}", QUIET]) == 0, "a card of ours is in nobody's way"
     readme.write_text("My words about aerial_il.\n")
     assert main(["card", str(derived), QUIET]) == 0

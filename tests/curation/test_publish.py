@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
-from huggingface_hub import HfApi
+from huggingface_hub import DatasetCard, HfApi
 from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
 from aerial_il.cli.main import main
@@ -51,8 +50,8 @@ def test_the_folder_is_a_lerobot_dataset_with_a_card(published: Published, datas
     assert {entry.name for entry in hub.iterdir()} == {"meta", "data", "README.md", "card.html"}
     successes = open_dataset(dataset)
     assert open_dataset(hub).uids == successes.uids
-    front = yaml.safe_load((hub / "README.md").read_text().split("---")[1])
-    assert front["license"] == "cc-by-4.0"
+    front = DatasetCard((hub / "README.md").read_text()).data.to_dict()
+    assert (front["license"], front["task_categories"], front["tags"][0]) == ("cc-by-4.0", ["robotics"], "LeRobot")
     assert f"| episodes | {len(successes)}, of which" in (hub / "README.md").read_text()
     assert digests(dataset) == before
     whole = (hub / "meta" / "provenance.json").stat().st_mtime_ns

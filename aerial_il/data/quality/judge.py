@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,7 @@ from aerial_il.data.quality.alone import idle, jerk, saturation
 from aerial_il.data.quality.consistency import consistency
 from aerial_il.data.quality.duplicates import repeated
 from aerial_il.data.quality.information import information
-from aerial_il.data.quality.trace import normalised, trace_of
+from aerial_il.data.quality.trace import Trace, normalised, trace_of
 
 ALONE: Mapping[str, Callable[[Episode], float]] = {"idle": idle, "jerk": jerk, "saturation": saturation}
 FEWEST = 8  # episodes, for a usual one to be known
@@ -68,7 +68,8 @@ def judge(episodes: Iterable[Episode]) -> Judgement:
     """Measure every episode.
 
     Args:
-        episodes: of one environment, each read once. What is kept of them takes some kilobytes each.
+        episodes: of one environment, each read once. What is kept of them takes some kilobytes each. Without states, as
+            of pictures alone, actions are compared with nothing.
 
     Raises:
         InvalidValueError: they are too few for a usual one to be known.
@@ -82,17 +83,25 @@ def judge(episodes: Iterable[Episode]) -> Judgement:
     if len(traces) < FEWEST:
         raise InvalidValueError(f"{len(traces)} episodes are too few to say which are unusual: it takes {FEWEST}.")
     traces = normalised(traces)
+    values = alone | (_compared(traces) if traces[0].states.size and traces[0].actions.size else {})
+    again = repeated(traces)
+    uids = [trace.uid for trace in traces]
+    exceeded = {
+        name: limit.exceeded(np.array([values[name][uid] for uid in uids]))
+        for name, limit in LIMITS.items()
+        if name in values
+    }
+    why = {uid: [name for name, found in exceeded.items() if found[i]] for i, uid in enumerate(uids)}
+    reasons = {uid: ", ".join(found + ["repeated"] * (uid in again)) for uid, found in why.items()}
+    rounded = {name: {uid: round(value, 5) for uid, value in column.items()} for name, column in values.items()}
+    return Judgement({**rounded, "repeats": {uid: again.get(uid, "") for uid in uids}, "suspect": reasons})
+
+
+def _compared(traces: Sequence[Trace]) -> dict[str, dict[str, float]]:
+    """Return the measures that hold an episode's actions against its states and those of others."""
     acts = consistency(traces)
-    values = {
-        **alone,
+    return {
         "inconsistency": {uid: found.missed for uid, found in acts.items()},
         "lag_s": {uid: found.lag_s for uid, found in acts.items()},
         "information": information(traces),
     }
-    again = repeated(traces)
-    uids = [trace.uid for trace in traces]
-    exceeded = {name: limit.exceeded(np.array([values[name][uid] for uid in uids])) for name, limit in LIMITS.items()}
-    why = {uid: [name for name in LIMITS if exceeded[name][i]] for i, uid in enumerate(uids)}
-    reasons = {uid: ", ".join(found + ["repeated"] * (uid in again)) for uid, found in why.items()}
-    rounded = {name: {uid: round(value, 5) for uid, value in column.items()} for name, column in values.items()}
-    return Judgement({**rounded, "repeats": {uid: again.get(uid, "") for uid in uids}, "suspect": reasons})

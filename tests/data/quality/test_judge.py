@@ -109,3 +109,12 @@ def test_the_command_keeps_columns(folder: Path, capsys: pytest.CaptureFixture[s
     kept = open_dataset(tmp_path / "sound").uids
     assert next(iter(open_dataset(shaky).uids)) not in kept
     assert len(kept) >= GOOD - 2
+
+
+def test_without_states_actions_are_judged_alone(flights: Flights) -> None:
+    blind = [
+        replace(each, obs={k: 0.0 * v for k, v in each.obs.items()}) for each in [*flights[0], flights[1]["shaking"]]
+    ]
+    found = judge(blind)
+    assert "inconsistency" not in found.columns
+    assert found.suspects[flights[1]["shaking"].uid] == "jerk"
