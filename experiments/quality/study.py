@@ -121,7 +121,7 @@ class Quality:
         return Report(
             study=self,
             targets=(*_found_targets(found), *_clone_targets(clones)),
-            tables={"Found": found, "Clones": clones},
+            tables={"Found": found} | ({"Clones": clones} if clones else {}),
             notes=(*NOTES, *stages.record.notes()),
             details={"failed_seeds": {f"{t.label}, {tier}": failed_seeds(r) for (t, tier), r in results.items()}},
             wall_time_s=stages.seconds(),
