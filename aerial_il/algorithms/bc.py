@@ -27,10 +27,9 @@ import torch
 from aerial_il.algorithms.run.cadence import Cadence, Evaluate
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
 from aerial_il.algorithms.supervised.selection import Selection
-from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run
+from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run, require_end
 from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, prepare, read_demos, split
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
@@ -107,10 +106,7 @@ class BC:
         require_positive(self, "steps", "batch_size", "lr", "clip_norm", "threads")
         require_share(self, "lr_floor", "ema", "field_dropout", "validation", below_one=True)
         require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise", "patience", "validate_every")
-        if self.minutes is not None and self.minutes <= 0:
-            raise InvalidValueError(f"minutes is {self.minutes}; it must be positive, or null for no limit.")
-        if self.patience and not self.evaluate_every:
-            raise InvalidValueError(f"patience is {self.patience}; it needs rollouts: set cadence.evaluate_every too.")
+        require_end(self.minutes, self.patience, self.cadence)
 
     def train(
         self,

@@ -37,7 +37,7 @@ from aerial_il.algorithms.run.cadence import Cadence, Evaluate
 from aerial_il.algorithms.run.folder import PRIOR
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
 from aerial_il.algorithms.supervised.segment_pairs import SegmentPairs
-from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run
+from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRun, open_run, require_end
 from aerial_il.algorithms.supervised.training_set import Prepared, Shuffle, check_recorded, digest_of
 from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
@@ -113,10 +113,7 @@ class CPL:
         require_share(self, "bias")
         require_share(self, "lr_floor", "ema", below_one=True)
         require_not_negative(self, "warmup_steps", "weight_decay", "patience")
-        if self.minutes is not None and not self.minutes > 0:
-            raise InvalidValueError(f"minutes is {self.minutes}; it must be positive, or null for no limit.")
-        if self.patience and not self.evaluate_every:
-            raise InvalidValueError(f"patience is {self.patience}; it needs rollouts: set cadence.evaluate_every too.")
+        require_end(self.minutes, self.patience, self.cadence)
         if self.cloning.evaluate_every or self.cloning.waypoints.lookahead_s:
             raise InvalidValueError("cloning flies no rollouts on the way, and learns from flights as recorded.")
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,18 @@ def pooled_row(results: Iterable[EvaluationResult]) -> Row:
         "worst": _percent(rates.min()),
         "best": _percent(rates.max()),
     }
+
+
+def pooled_rows(results: Iterable[tuple[Row, EvaluationResult]]) -> Iterator[Row]:
+    """Yield a row for each cell, over all of its evaluations, in the order in which cells come first.
+
+    Args:
+        results: pairs of a cell, as the row is to name it, and one evaluation there.
+    """
+    groups: dict[tuple[tuple[str, Any], ...], list[EvaluationResult]] = {}
+    for cell, result in results:
+        groups.setdefault(tuple(cell.items()), []).append(result)
+    yield from (dict(cell) | pooled_row(judged) for cell, judged in groups.items())
 
 
 def macro_row(tasks: Mapping[str, Sequence[EvaluationResult]]) -> Row:

@@ -33,7 +33,7 @@ from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
-from experiments.common.success import failed_seeds, pooled_row
+from experiments.common.success import failed_seeds, pooled_rows
 
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
 GENERATED, AS_MANY, ALONE = "generated", "as_many", "alone"
@@ -241,12 +241,10 @@ def generated(stages: Stages, out: Out, robot: str, tier: str, count: int) -> Da
 
 
 def _clone_rows(results: Mapping[tuple[Any, str], EvaluationResult]) -> Iterator[Row]:
-    groups: dict[tuple[str, str, str, str], list[EvaluationResult]] = {}
-    for (training, tier), result in results.items():
-        source = training.source
-        groups.setdefault((source.robot, source.task, training.method, tier), []).append(result)
-    for (robot, task, arm, tier), judged in groups.items():
-        yield {"robot": robot, "task": task, "arm": arm, "tier": tier, **pooled_row(judged)}
+    return pooled_rows(
+        ({"robot": made.source.robot, "task": made.source.task, "arm": made.method, "tier": tier}, result)
+        for (made, tier), result in results.items()
+    )
 
 
 def _clone_targets(rows: list[Row]) -> Iterator[Target]:

@@ -34,7 +34,7 @@ from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
-from experiments.common.success import failed_seeds, pooled_row
+from experiments.common.success import failed_seeds, pooled_rows
 
 POOR_SEED, SEEDS_PER_DRAW = 5_000_000, 10_000
 CPL_ARM, FLIPPED, ALL, SUCCESSES, BETTER_HALF, FILTERED = (
@@ -204,11 +204,9 @@ def _fly_poorly(stages: Stages, poor: Cloned, seeds: range, place: Path) -> None
 
 
 def _rows(judged: Mapping[Mixed, EvaluationResult]) -> Iterator[Row]:
-    groups: dict[tuple[str, str], list[EvaluationResult]] = {}
-    for training, result in judged.items():
-        groups.setdefault((training.source.task, training.method), []).append(result)
-    for (task, arm), results in groups.items():
-        yield {"task": task, "arm": arm, **pooled_row(results)}
+    return pooled_rows(
+        ({"task": training.source.task, "arm": training.method}, result) for training, result in judged.items()
+    )
 
 
 def _targets(rows: list[Row]) -> Iterator[Target]:

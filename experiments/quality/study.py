@@ -31,7 +31,7 @@ from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Shown, Stages, all_that_decides
-from experiments.common.success import failed_seeds, pooled_row
+from experiments.common.success import failed_seeds, pooled_rows
 from experiments.quality.planted import FLOWN, KINDS, SPOILED
 
 FAULTY_SEED, SEEDS_PER_DRAW, SEEDS_PER_KIND = 4_000_000, 100_000, 1_000
@@ -205,11 +205,10 @@ def _flown(stages: Stages, source: Source, kind: str, count: int) -> list[Episod
 
 
 def _clone_rows(results: Mapping[tuple[Planted, str], EvaluationResult]) -> Iterator[Row]:
-    groups: dict[tuple[str, str, str], list[EvaluationResult]] = {}
-    for (training, tier), result in results.items():
-        groups.setdefault((training.source.task, tier, training.method), []).append(result)
-    for (task, tier, arm), judged in groups.items():
-        yield {"task": task, "tier": tier, "arm": arm, **pooled_row(judged)}
+    return pooled_rows(
+        ({"task": training.source.task, "tier": tier, "arm": training.method}, result)
+        for (training, tier), result in results.items()
+    )
 
 
 def _found_targets(rows: list[Row]) -> Iterator[Target]:

@@ -13,7 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
+from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import pack, unpack
@@ -31,6 +31,14 @@ from aerial_il.policies.parts.vision import build_network
 
 SUCCESS = "success"
 LOWER_IS_BETTER = ("crashes", "dropped", "time_to_success_s")
+
+
+def require_end(minutes: float | None, patience: int, cadence: Cadence) -> None:
+    """Refuse ends of a run that cannot come: a time that is not positive, patience without rollouts to wait for."""
+    if minutes is not None and not minutes > 0:
+        raise InvalidValueError(f"minutes is {minutes}; it must be positive, or null for no limit.")
+    if patience and not cadence.evaluate_every:
+        raise InvalidValueError(f"patience is {patience}; it needs rollouts: set cadence.evaluate_every too.")
 
 
 class SupervisedRun:
