@@ -192,20 +192,18 @@ class Generator:
         if world is None:
             chosen = self._chosen(seed, now)
             first, *left = self._cut[chosen]
-            return self._begun(first, left, state, now, [{"source": self.sources[chosen].uid}])
+            return self._begun(first, left, now, [{"source": self.sources[chosen].uid}])
         if world.attempts < ATTEMPTS and self._missed(world.flown, now):
-            again = self._begun(world.flown, world.left, state, now, world.told)
+            again = self._begun(world.flown, world.left, now, world.told)
             return replace(again, attempts=world.attempts + 1)
-        following = self._begun(world.left[0], world.left[1:], state, now, world.told)
+        following = self._begun(world.left[0], world.left[1:], now, world.told)
         return replace(following, opening=float(world.path.gripper[-1]))
 
-    def _begun(
-        self, segment: Segment, left: list[Segment], state: np.ndarray, now: Poses, told: list[dict[str, Any]]
-    ) -> _World:
+    def _begun(self, segment: Segment, left: list[Segment], now: Poses, told: list[dict[str, Any]]) -> _World:
         """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
         scene, opening = self._scene, float(segment.gripper[0])
         path = self._moved(segment, now)
-        there = way(now.tool_pos[0], path.there[0], scene.boxes(state), scene.roots(segment.name, segment.carried))
+        there = way(now.tool_pos[0], path.there[0], scene.boxes(), scene.roots(segment.name, segment.carried))
         phase = self.phase_names.index(segment.name)
         return _World(left, segment, path, path.actions, phase, opening, there, [*told, _told(segment, path)])
 

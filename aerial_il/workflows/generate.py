@@ -74,11 +74,13 @@ def generate(settings: Generate) -> str:
     """
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
+    from aerial_il.data.curation.derived import check_out
+    from aerial_il.generation.cuts import text_of
     from aerial_il.generation.generator import Generator
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
-    _check_place(settings)
+    check_out(settings.out, [settings.dataset])  # before anything is read
     if settings.cameras:
         require_rendering(f"cameras=[{','.join(settings.cameras)}]")
     sources = _sources(settings)
@@ -93,6 +95,8 @@ def generate(settings: Generate) -> str:
         image_size=settings.image_size,
     )
     made_of = {"sources": [source.uid for source in sources], "select": settings.select, "noise": settings.noise}
+    if cuts := {source.uid: text_of(source.cuts) for source in sources if source.cuts is not None}:
+        made_of["cuts"] = cuts
     longest = LONGEST * max(map(len, sources)) + SPARE_STEPS
     with closing(where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)) as env:
         _look_ahead(env, policy, settings)
@@ -138,10 +142,11 @@ def _sources(settings: Generate) -> list[Source]:
 
     from aerial_il.data.dataset import open_dataset
     from aerial_il.generation.segments import cut
-    from aerial_il.generation.source import read_sources
+    from aerial_il.generation.source import read_sources, with_cuts
 
-    flights = (episode for episode in open_dataset(settings.dataset) if episode.success)
-    sources = read_sources(islice(flights, settings.sources))
+    dataset = open_dataset(settings.dataset)
+    flights = (episode for episode in dataset if episode.success)
+    sources = with_cuts(read_sources(islice(flights, settings.sources)), dataset.files)
     if settings.sources and len(sources) < settings.sources:
         raise InvalidValueError(
             f"{settings.dataset} has {len(sources)} successful demonstrations; sources={settings.sources} asks for "
@@ -152,17 +157,6 @@ def _sources(settings: Generate) -> list[Source]:
             parts = ", ".join(f"{len(each) * source.spec.control_dt_s:.1f} s at {each.name}" for each in cut(source))
             log.info("%s: %s.", source.uid, parts)
     return sources
-
-
-def _check_place(settings: Generate) -> None:
-    """Refuse to write among the sources, or among what is somebody else's, before anything is read."""
-    from os.path import realpath
-
-    from aerial_il.data.folder import DatasetFolder
-
-    if realpath(settings.out) == realpath(settings.dataset):
-        raise InvalidValueError(f"out={settings.out} is where the sources are: name another folder.")
-    DatasetFolder(settings.out).require_own()
 
 
 def _advice(sources: list[Source], settings: Generate) -> str:

@@ -117,5 +117,5 @@ def test_bad_words_are_answered(
 def test_the_sources_stay_as_they_are(shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = files(shown("pick_place"))
     assert generate(shown("pick_place"), shown("pick_place")) == 2
-    assert "is where the sources are" in capsys.readouterr().err
+    assert "is where the episodes of" in capsys.readouterr().err
     assert files(shown("pick_place")) == before
