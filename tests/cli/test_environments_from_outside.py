@@ -48,6 +48,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "report": [["run"], ["policy"]],
     "reward": [["run", "dataset=demos"]],
     "runs": [[".", "page=true", "compare=true"], ["run", "json=true"]],
+    "segment": [["demos", "page=false"]],
     "split": [["demos", "parts=[a=0.5,b=0.5]", "out=split"]],
     "train": [
         ["from=run", "run=new"],

@@ -52,6 +52,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "replay": (["demos"], "replay:"),
     "judge": (["demos"], "judge:"),
     "report": (["demos", "out=OUT/page.html"], ""),
+    "segment": (["demos", "port=0", "open=false"], "http"),
     "teleop": (["task=reach", "out=OUT/hand", "port=0", "open=false"], "http"),
     "train": (["dataset=demos", "run=OUT/r"], "train bc"),
     "view": (["policy=run", "viewer=page", "out=OUT/seen.html"], ""),

@@ -11,9 +11,9 @@ from tests.safety.hostile import Sound
 
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
+    "action", "cameras", "certificate", "columns", "cuts", "format", "controls", "devices", "env", "evaluate_tier",
     "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
-    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
+    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "uid", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("publish", "out"), ("report", "out"),
@@ -75,6 +75,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
         ("prefer", "dataset"): ["length=2", "pairs=1", "out=said.jsonl", QUIET],
         ("prefer", "out"): [dataset, "length=2", "pairs=1", QUIET],
+        ("segment", "dataset"): ["page=false"],
         ("split", "dataset"): ["out=parts", QUIET],
         ("split", "out"): [dataset, QUIET],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],

@@ -140,6 +140,8 @@ async function open() {
 
 $("flight").replaceChildren(...uids.map((name) => new Option(name)));
 $("flight").onchange = open;
+$("play").onclick = $("film").onclick = () => attempt(() => ($("film").paused ? $("film").play() : $("film").pause()));
+$("film").onplay = $("film").onpause = () => { $("play").textContent = $("film").paused ? "Play" : "Pause"; };
 $("film").ontimeupdate = () => { $("now").style.left = share(here()); };
 $("line").onclick = (event) => { if (!event.target.closest(".cut")) seek(stepAt(event)); };
 $("thing").onchange = () => { cuts[chosen].thing = $("thing").value; change(chosen); };
