@@ -16,6 +16,8 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.data.waypoints import LEVEL
 from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
+from aerial_il.generation.diversion import MOST_DISTURBED_M, Diversion
+from aerial_il.generation.force import ForceLimit
 from aerial_il.generation.plan import Path, moved
 from aerial_il.generation.reach import beyond
 from aerial_il.generation.segments import Segment, cut
@@ -68,24 +70,35 @@ class Generator:
 
     Args:
         sources: flights to take from. select: which of them flies: any at ``random``, or the ``nearest``, whose things
-            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. seed: of both.
+            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. disturbed: m, how far aside
+            flights are led as they begin, at most. most_force: N that tools may press with; None for any.
+            seed: of all that is drawn.
 
     Raises:
-        InvalidValueError: no such selection or noise.
+        InvalidValueError: no such selection, noise or disturbance.
     """
 
     def __init__(
-        self, sources: Sequence[Source], *, select: Select = "random", noise: float = 0.0, seed: int = 0
+        self,
+        sources: Sequence[Source],
+        *,
+        select: Select = "random",
+        noise: float = 0.0,
+        disturbed: float = 0.0,
+        most_force: float | None = None,
+        seed: int = 0,
     ) -> None:
         if select not in get_args(Select):
             raise InvalidValueError(f"select={select} is not one of {', '.join(get_args(Select))}.")
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
+        if not 0.0 <= disturbed <= MOST_DISTURBED_M:
+            raise InvalidValueError(f"disturbed lies between 0 and {MOST_DISTURBED_M:g} m, got {disturbed:g}.")
         self.sources, self.select, self.seed = list(sources), select, seed
         self._cut = [cut(source) for source in self.sources]
         names = dict.fromkeys(segment.name for segments in self._cut for segment in segments)
         self.phase_names = (TRANSIT, *names)
-        self.noise = noise
+        self.noise, self._disturbed, self._most_force = noise, disturbed, most_force
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
 
@@ -106,6 +119,9 @@ class Generator:
         self._worlds: list[_World | None] = [None] * env.num_envs
         self.phase = np.zeros(env.num_envs, int)
         self._wander = Perturbation(env.num_envs, self.noise, self.seed, name="generation noise")
+        self._diversion = Diversion(env.num_envs, self._disturbed, self.seed)
+        most = self._most_force
+        self._limit = None if most is None else ForceLimit(env.model_xml, env.num_envs, most)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
@@ -113,16 +129,23 @@ class Generator:
         for world in np.flatnonzero(mask):
             self._worlds[world] = None
         self._wander.reset(mask)
+        self._diversion.reset(mask)
+        if self._limit is not None:
+            self._limit.reset(mask)
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return ``ee_pose`` actions (n, Da); the observation is ignored in favour of the simulator's state."""
         self._plan()
+        if self._limit is not None:
+            self._limit.feel(self._env.get_state())
         bounds = self._spec.action
         rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
         self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
         action = self.expert_action.copy()
         share = np.where(self.phase == 0, NOISE_ON_THE_WAY, NOISE_AT_THINGS)
         action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
+        aside = self._diversion.sent(self._env.simulation.view.tool_pos, self._env.seeds)
+        action[:, :3] = np.where(np.isnan(aside), action[:, :3], aside)
         return bounds.clip(action)
 
     def beyond(self) -> list[str | None]:
@@ -143,10 +166,14 @@ class Generator:
         source, *segments = flown.told
         return {**source, "segments": segments}
 
+    def objection(self, world: int) -> str:
+        """Return why the flight of a world shall not count as a success: its tool pressed too hard; or nothing."""
+        return "" if self._limit is None else self._limit.objection(world)
+
     def _command(self, i: int, world: _World) -> np.ndarray:
         """Return the command of a world, the same until the tool has come to where it belongs."""
         tool = self._env.simulation.view.tool_pos[i]
-        if not world.arrived and np.linalg.norm(tool - world.way[0]) < NEAR_M:
+        if not world.arrived and not self._diversion.left[i] and np.linalg.norm(tool - world.way[0]) < NEAR_M:
             world.way.pop(0)
             world.arrived = not world.way
         self.phase[i] = world.phase if world.arrived else 0
