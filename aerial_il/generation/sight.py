@@ -13,9 +13,10 @@ from aerial_il.generation.things import TOOL
 
 
 def in_view(model: mujoco.MjModel, camera: str, aspect: float, sources: Sequence[Source]) -> dict[str, float]:
-    """Return for each thing in which share of the steps about it its middle is in view, whatever hides it.
+    """Return for each thing in which share of the steps about it the middle of a part of it is in view.
 
-    It is the same in flights of the sources and in those that are made of them, as a path moves with its thing.
+    What hides it does not count. It is the same in the sources and in what is made of them, as a path moves with its
+    thing.
 
     Args:
         model: of a scene with the robot that flies. camera: one on the body of its tool. aspect: width over height.
@@ -31,8 +32,10 @@ def in_view(model: mujoco.MjModel, camera: str, aspect: float, sources: Sequence
         poses = source.poses
         for cut in cuts_of(source):
             k, steps = source.names.index(cut.thing), slice(cut.first, cut.last)
-            from_tool = np.einsum("kji,kj->ki", poses.tool_mat[steps], poses.pos[steps, k] - poses.tool_pos[steps])
-            right, up, back = ((from_tool - place) @ turn).T
+            parts = model.geom_pos[model.geom_bodyid == model.body(cut.thing).id]
+            points = poses.pos[steps, k, None] + np.einsum("kij,gj->kgi", poses.mat[steps, k], parts)
+            from_tool = np.einsum("kji,kgj->kgi", poses.tool_mat[steps], points - poses.tool_pos[steps, None])
+            right, up, back = np.moveaxis((from_tool - place) @ turn, 2, 0)
             seen = (back < 0.0) & (np.abs(up) < -back * half) & (np.abs(right) < -back * half * aspect)
-            found.setdefault(cut.thing, []).extend(seen)
+            found.setdefault(cut.thing, []).extend(seen.any(axis=1))
     return {name: float(np.mean(seen)) for name, seen in found.items()}

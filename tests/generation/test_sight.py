@@ -20,7 +20,7 @@ from aerial_il.suite.physics.physics_batch import SIGNATURE
 def test_a_thing_is_in_view_where_its_pixels_are(flight: Callable[[str], Episode]) -> None:
     episode = flight("pick_place")
     source, model = read_source(episode), mujoco.MjModel.from_xml_string(episode.model_xml)
-    data, cube = mujoco.MjData(model), model.body("cube").id
+    data, bowl = mujoco.MjData(model), model.body("bowl").id
     computed, rendered = list[bool](), list[bool]()
     with mujoco.Renderer(model, 96, 128) as renderer:
         renderer.enable_segmentation_rendering()
@@ -29,9 +29,11 @@ def test_a_thing_is_in_view_where_its_pixels_are(flight: Callable[[str], Episode
             mujoco.mj_forward(model, data)
             renderer.update_scene(data, "wrist")
             ids = renderer.render()[..., 0]
-            rendered.append(bool(np.isin(model.geom_bodyid[np.maximum(ids, 0)], cube)[ids >= 0].any()))
-            at_step = replace(source, cuts=(Cut("cube", step, step + 1),))
-            computed.append(in_view(model, "wrist", 128 / 96, [at_step])["cube"] == 1.0)
+            rendered.append(bool(np.isin(model.geom_bodyid[np.maximum(ids, 0)], bowl)[ids >= 0].any()))
+            at_step = replace(source, cuts=(Cut("bowl", step, step + 1),))
+            computed.append(in_view(model, "wrist", 128 / 96, [at_step])["bowl"] == 1.0)
     assert {True, False} == set(rendered)
-    assert all(seen for shown, seen in zip(computed, rendered, strict=True) if shown), "its middle is part of it"
-    assert sum(rendered) - sum(computed) <= 2, "a small thing has little besides"
+    assert all(seen for shown, seen in zip(computed, rendered, strict=True) if shown), (
+        "the middle of a part is a part of it"
+    )
+    assert sum(rendered) - sum(computed) <= 3, "little more than the middles of its parts"
