@@ -8,9 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import LEVEL
 from aerial_il.generation.cuts import Cut, cuts_by_hand
@@ -92,6 +93,19 @@ def read_sources(episodes: Iterable[Episode]) -> list[Source]:
     if len(tasks) > 1:
         raise InvalidValueError(f"Sources are of several tasks: {', '.join(tasks)}. Take those of one.")
     return sources
+
+
+def source_of(dataset: Dataset, uid: str) -> Source:
+    """Return a flight of a dataset as a source, cut by hand where it is.
+
+    Raises:
+        UnknownNameError: there is none of that name. InvalidValueError: nothing can be generated from it.
+        DemoError: it cannot be read, or its cuts.
+    """
+    if uid not in dataset.uids:
+        raise UnknownNameError("successful flight", uid, dataset.uids[:10])
+    (source,) = with_cuts([read_source(dataset[uid])], dataset.files)
+    return source
 
 
 def with_cuts(sources: Iterable[Source], files: Mapping[str, Path]) -> list[Source]:

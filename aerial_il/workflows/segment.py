@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.edit import set_cuts
 from aerial_il.workflows.parts.names import at_least
 
 if TYPE_CHECKING:
-    from aerial_il.data.dataset import Dataset
     from aerial_il.generation.cuts import Cut
     from aerial_il.generation.source import Source
     from aerial_il.workflows.parts.segment_server import SegmentServer
@@ -54,11 +53,12 @@ def segment(
     """
     from aerial_il.data.dataset import open_dataset
     from aerial_il.generation.moves import cuts_of
+    from aerial_il.generation.source import source_of
     from aerial_il.workflows.parts.segment_server import SegmentServer
 
     dataset = open_dataset(settings.dataset)
     uids = dataset.uids if settings.uid is None else (settings.uid,)
-    first = flight(dataset, uids[0])
+    first = source_of(dataset, uids[0])
     if settings.cuts is not None:
         if len(uids) > 1:
             raise InvalidValueError(f"{settings.dataset} has {len(uids)} flights: say which, such as uid={uids[0]}.")
@@ -67,21 +67,7 @@ def segment(
         with SegmentServer(settings.dataset, uids, settings.port) as server:
             opened(server)
             server.serve_forever()
-    return {uid: cuts_of(flight(dataset, uid)) for uid in uids}
-
-
-def flight(dataset: Dataset, uid: str) -> Source:
-    """Return a flight of a dataset, and where it was cut by hand.
-
-    Raises:
-        UnknownNameError: there is none of that name. InvalidValueError: nothing can be generated from it.
-    """
-    from aerial_il.generation.source import read_source, with_cuts
-
-    if uid not in dataset.uids:
-        raise UnknownNameError("successful flight", uid, dataset.uids[:10])
-    (source,) = with_cuts([read_source(dataset[uid])], dataset.files)
-    return source
+    return {uid: cuts_of(source_of(dataset, uid)) for uid in uids}
 
 
 def _typed(source: Source, words: tuple[str, ...]) -> tuple[Cut, ...] | None:

@@ -239,7 +239,7 @@ class Edits:
 
     def _say(self, column: str, values: Mapping[str, Any]) -> None:
         """Give a column other values, where they are None none."""
-        said = read_columns(self.folder.path).get(column, {}) | values
+        said = {**read_columns(self.folder.path).get(column, {}), **values}
         kept = {uid: value for uid, value in said.items() if value is not None}
         with storing(self.folder.path / FURTHER):
             written = write_column(self.folder.path, column, kept)

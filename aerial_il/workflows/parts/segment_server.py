@@ -9,11 +9,10 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.generation.cuts import Cut
 from aerial_il.generation.moves import cuts_of, find_cuts
-from aerial_il.generation.source import Source
+from aerial_il.generation.source import Source, source_of
 from aerial_il.presentation.pages.segment import segment_page
 from aerial_il.workflows.edit import set_cuts, undo_cuts
 from aerial_il.workflows.parts.local_server import LocalServer
-from aerial_il.workflows.segment import flight
 
 
 class SegmentServer(LocalServer):
@@ -39,12 +38,12 @@ class SegmentServer(LocalServer):
 
     def _edited(self, path: str, uid: str, asked: Mapping[str, Any]) -> dict[str, Any]:
         if path == "/save":
-            set_cuts(self.dataset, flight(self._dataset, uid), _cuts(asked["cuts"]))
+            set_cuts(self.dataset, source_of(self._dataset, uid), _cuts(asked["cuts"]))
         elif path == "/undo":
             undo_cuts(self.dataset)
         elif path != "/flight":
             raise InvalidValueError(f"{path!r} is not one of /film, /flight, /save, /undo.")
-        return _told(flight(self._dataset, uid))
+        return _told(source_of(self._dataset, uid))
 
 
 def _cuts(asked: Any) -> list[Cut] | None:
