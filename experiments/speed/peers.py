@@ -4,9 +4,9 @@
 
 ``PYTHON`` is the interpreter of an environment with ``crazyflow``, ``rotorpy``, ``torch``, ``torchdiffeq`` and
 ``roma``. Each simulator runs in a process of its own, on one core; they take turns, and ratios are formed within a
-turn. All hold their position by a controller that runs at every step of the physics, 20 ms of flight in five steps, and say at the end how
-far they are from where they should be. What is not alike: theirs is one free rigid body, ours MuJoCo's, with contacts,
-observations, reward, success and time limit in each control step.
+turn. All hold their position by a controller that runs at every step of the physics, 20 ms of flight in five steps,
+and say at the end how far they are from where they should be. What is not alike: theirs is one free rigid body, ours
+MuJoCo's, with contacts, observations, reward, success and time limit in each control step.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def rotorpy(worlds: int) -> Fly:
     }  # fmt: skip
     vehicle = BatchedMultirotor(params, worlds, start, device, integrator="rk4")
     control = BatchedSE3Control(params, worlds, device)
-    goal = {name: zeros for name in ("x_dot", "x_ddot", "x_dddot", "x_ddddot")}
+    goal = dict.fromkeys(("x_dot", "x_ddot", "x_dddot", "x_ddddot"), zeros)
     goal |= {"x": zeros + torch.tensor([0.0, 0, 0.2]), "yaw": zeros[:, 0], "yaw_dot": zeros[:, 0]}
 
     @torch.no_grad()
