@@ -47,30 +47,3 @@ def pressing_in(episodes: Iterable[Episode]) -> float:
         sensor = sensor or ToolForce(episode.model_xml)
         forces += map(sensor.at, episode.states)
     return pressing(forces)
-
-
-class ForceLimit:
-    """What the tools of n worlds press with, and a limit to it.
-
-    Args:
-        model_xml: of their scene. n: worlds. most: N.
-    """
-
-    def __init__(self, model_xml: str, n: int, most: float) -> None:
-        self._sensor, self._most = ToolForce(model_xml), most
-        self._felt: list[list[float]] = [[] for _ in range(n)]
-
-    def reset(self, mask: np.ndarray) -> None:
-        """Forget what was felt in the worlds of ``mask`` (n,) bool."""
-        for world in np.flatnonzero(mask):
-            self._felt[world] = []
-
-    def feel(self, states: np.ndarray) -> None:
-        """Measure in full states (n, S)."""
-        for felt, state in zip(self._felt, states, strict=True):
-            felt.append(self._sensor.at(state))
-
-    def objection(self, world: int) -> str:
-        """Return what speaks against the flight of a world, or nothing."""
-        pressed = pressing(self._felt[world])
-        return f"pressed with {pressed:.1f} N, more than {self._most:.1f} N" if pressed > self._most else ""

@@ -17,7 +17,7 @@ from aerial_il.data.waypoints import LEVEL
 from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
 from aerial_il.generation.diversion import MOST_DISTURBED_M, Diversion
-from aerial_il.generation.force import ForceLimit
+from aerial_il.generation.force import ToolForce, pressing
 from aerial_il.generation.plan import Path, moved
 from aerial_il.generation.reach import beyond
 from aerial_il.generation.segments import Segment, cut
@@ -120,24 +120,23 @@ class Generator:
         self.phase = np.zeros(env.num_envs, int)
         self._wander = Perturbation(env.num_envs, self.noise, self.seed, name="generation noise")
         self._diversion = Diversion(env.num_envs, self._disturbed, self.seed)
-        most = self._most_force
-        self._limit = None if most is None else ForceLimit(env.model_xml, env.num_envs, most)
+        self._sensor = None if self._most_force is None else ToolForce(env.model_xml)
+        self._felt: list[list[float]] = [[] for _ in range(env.num_envs)]
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
         mask = np.ones(len(self._worlds), bool) if mask is None else np.asarray(mask, bool)
         for world in np.flatnonzero(mask):
-            self._worlds[world] = None
+            self._worlds[world], self._felt[world] = None, []
         self._wander.reset(mask)
         self._diversion.reset(mask)
-        if self._limit is not None:
-            self._limit.reset(mask)
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return ``ee_pose`` actions (n, Da); the observation is ignored in favour of the simulator's state."""
         self._plan()
-        if self._limit is not None:
-            self._limit.feel(self._env.get_state())
+        if self._sensor is not None:
+            for felt, state in zip(self._felt, self._env.get_state(), strict=True):
+                felt.append(self._sensor.at(state))
         bounds = self._spec.action
         rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
         self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
@@ -168,7 +167,8 @@ class Generator:
 
     def objection(self, world: int) -> str:
         """Return why the flight of a world shall not count as a success: its tool pressed too hard; or nothing."""
-        return "" if self._limit is None else self._limit.objection(world)
+        pressed, most = pressing(self._felt[world]), self._most_force
+        return "" if most is None or pressed <= most else f"pressed with {pressed:.1f} N, more than {most:.1f} N"
 
     def _command(self, i: int, world: _World) -> np.ndarray:
         """Return the command of a world, the same until the tool has come to where it belongs."""

@@ -8,13 +8,13 @@ between is transit, which is planned anew.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from aerial_il.generation.cuts import Cut
+from aerial_il.generation.cuts import Cut, at_phases, check_cuts, read_cut
 from aerial_il.generation.source import Source
 
 APPROACH_M = 0.10  # of the tool's way before a thing moves that belongs to its segment
@@ -37,6 +37,20 @@ class Move:
 def cuts_of(source: Source) -> tuple[Cut, ...]:
     """Return where a flight is cut: as a person says, or as it is found."""
     return find_cuts(source) if source.cuts is None else source.cuts
+
+
+def read_cuts(source: Source, words: Sequence[str]) -> tuple[Cut, ...]:
+    """Return cuts of a flight as they are typed; ``phases`` for those that are found, where phases begin or end.
+
+    Raises:
+        InvalidValueError, UnknownNameError: it cannot be cut so.
+    """
+    if list(words) == ["phases"]:
+        cuts = at_phases(find_cuts(source), {*source.phases, len(source)} if source.phases else ())
+    else:
+        cuts = tuple(map(read_cut, words))
+    check_cuts(cuts, source.names, len(source))
+    return cuts
 
 
 def find_cuts(source: Source) -> tuple[Cut, ...]:

@@ -14,7 +14,6 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.data.curation.edits import Edit, Edits
     from aerial_il.data.curation.relabelling import Labels
-    from aerial_il.generation.cuts import Cut
     from aerial_il.generation.source import Source
 
 log = logging.getLogger(__name__)
@@ -100,46 +99,38 @@ def undo(settings: Undo) -> Edit:
         return edit
 
 
-def set_cuts(dataset: str, source: Source, cuts: Sequence[Cut] | None) -> Edit:
+def set_cuts(dataset: str, source: Source, words: Sequence[str]) -> Edit:
     """Keep where a flight is to be cut for ``aerial-il generate``, and return what was done.
 
     Args:
-        dataset: folder of recordings. source: one of its flights. cuts: None for those that are found.
+        dataset: folder of recordings. source: one of its flights. words: its cuts as they are typed; ``phases``, as
+            found, at the nearest change of a phase; or ``found``.
 
     Raises:
         InvalidValueError, UnknownNameError: it cannot be cut so, or the folder is not ours.
     """
     from aerial_il.data.curation.edits import Edits
-    from aerial_il.generation.cuts import COLUMN, check_cuts, text_of
+    from aerial_il.generation.cuts import COLUMN, text_of
+    from aerial_il.generation.moves import read_cuts
 
-    if cuts is not None:
-        check_cuts(cuts, source.names, len(source))
+    cuts = None if list(words) == ["found"] else text_of(read_cuts(source, words))
     with Edits.of(dataset) as edits:
         edits.finish()
-        edit = edits.mark(COLUMN, {source.uid: None if cuts is None else text_of(cuts)}, f"uid == {source.uid!r}")
+        edit = edits.mark(COLUMN, {source.uid: cuts}, f"uid == {source.uid!r}")
         _log(edits, "segment", edit)
         return edit
 
 
 def undo_cuts(dataset: str) -> Edit:
-    """Take the last edit of a dataset back if it was one of cuts, and return what it was.
-
-    Raises:
-        InvalidValueError: there is none, or it was another.
-    """
+    """Take the last edit of a dataset back if it was one of cuts, and return what it was."""
     from aerial_il.data.curation.edits import Edits
 
     with Edits.of(dataset) as edits:
-        edits.finish()
         last = edits.last()
-        if last is not None and last.marks is None:
-            raise InvalidValueError(
-                f"The last edit is no cut: {last.count} episodes were {last.what}. Take it back: "
-                f"aerial-il undo {dataset}"
-            )
-        edit = edits.undo()
-        _log(edits, "undo", edit)
-        return edit
+    if last is not None and last.marks is None:
+        what = f"{last.count} episodes were {last.what}"
+        raise InvalidValueError(f"The last edit is no cut: {what}. Take it back: aerial-il undo {dataset}")
+    return undo(Undo(dataset=dataset, progress=False))
 
 
 def edit_marked(dataset: str, *, what: str, uids: Sequence[str] = (), labels: Mapping[str, Any] | None = None) -> str:

@@ -12,10 +12,7 @@ from aerial_il.workflows.parts.names import at_least
 
 if TYPE_CHECKING:
     from aerial_il.generation.cuts import Cut
-    from aerial_il.generation.source import Source
     from aerial_il.workflows.parts.segment_server import SegmentServer
-
-FOUND, PHASES = "found", "phases"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,21 +59,9 @@ def segment(
     if settings.cuts is not None:
         if len(uids) > 1:
             raise InvalidValueError(f"{settings.dataset} has {len(uids)} flights: say which, such as uid={uids[0]}.")
-        set_cuts(settings.dataset, first, _typed(first, settings.cuts))
+        set_cuts(settings.dataset, first, settings.cuts)
     elif settings.page:
         with SegmentServer(settings.dataset, uids, settings.port) as server:
             opened(server)
             server.serve_forever()
     return {uid: cuts_of(source_of(dataset, uid)) for uid in uids}
-
-
-def _typed(source: Source, words: tuple[str, ...]) -> tuple[Cut, ...] | None:
-    """Return the cuts that are typed; None for those that are found."""
-    from aerial_il.generation.cuts import at_phases, read_cut
-    from aerial_il.generation.moves import find_cuts
-
-    if words == (FOUND,):
-        return None
-    if words == (PHASES,):
-        return at_phases(find_cuts(source), {*source.phases, len(source)} if source.phases else ())
-    return tuple(map(read_cut, words))

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.main import main
+from aerial_il.data.curation import edits
 from aerial_il.data.dataset import open_dataset
 from aerial_il.workflows.parts.segment_server import SegmentServer
 from aerial_il.workflows.segment import Segmentation, segment
@@ -35,6 +36,14 @@ def server(one: Path) -> Iterator[SegmentServer]:
         yield served
         served.shutdown()
         thread.join()
+
+
+class Killed(BaseException):
+    """What ends a process at once."""
+
+
+def kill(*_: object) -> None:
+    raise Killed
 
 
 def standing(dataset: Path) -> str:
@@ -106,6 +115,23 @@ def test_what_cannot_be_cut_is_said(one: Path, capsys: pytest.CaptureFixture[str
         assert "cuts.json: cannot be used ('cube' is no cut" in capsys.readouterr().err
 
 
+def test_an_edit_that_was_killed_is_finished_or_taken_back(one: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = standing(one)
+    for then, after in (("segment", "cube:31-91"), ("undo", found)):
+        with monkeypatch.context() as patch:
+            patch.setattr(edits, "write_column", kill)
+            with pytest.raises(Killed):
+                main(["segment", str(one), "cuts=[cube:30-90]"])
+        assert standing(one) == found
+        words = ["cuts=[cube:31-91]"] if then == "segment" else ["progress=false"]
+        assert main([then, str(one), *words]) == 0
+        assert standing(one) == after
+        if then == "segment":
+            assert main(["undo", str(one), "progress=false"]) == 0
+            assert standing(one) == "cube:30-90", "the edit that was killed was finished first"
+            assert main(["undo", str(one), "progress=false"]) == 0
+
+
 def test_what_is_generated_is_cut_as_it_was_said(one: Path, tmp_path: Path) -> None:
     steps = steps_of(one)
     cuts = f"cube:20-90, bowl:110-150, bowl:150-{steps}"
@@ -122,14 +148,13 @@ def test_what_is_generated_is_cut_as_it_was_said(one: Path, tmp_path: Path) -> N
 
 def test_the_page_keeps_what_is_said_and_takes_it_back(server: SegmentServer, one: Path) -> None:
     uid, found = uid_of(one), standing(one)
-    cuts = [{"thing": "cube", "first": 30, "last": 90}, {"thing": "bowl", "first": 120, "last": steps_of(one)}]
+    cuts = ["cube:30-90", f"bowl:120-{steps_of(one)}"]
     status, text = ask(server, "/save", {"uid": uid, "cuts": cuts})
-    assert (status, json.loads(text)["cuts"], json.loads(text)["by_hand"]) == (200, cuts, True)
-    for wrong in (cuts[::-1], [{**cuts[0], "thing": "cup"}], [{**cuts[0], "first": -1}], [{**cuts[0], "last": 9.5}],
-                  [{"thing": "cube"}], [], "cube", [1]):  # fmt: skip
+    assert (status, json.loads(text)["by_hand"], standing(one)) == (200, True, ", ".join(cuts))
+    for wrong in (cuts[::-1], ["cup:30-90"], ["cube:-1-90"], ["cube:30-95.5"], ["cube"], [], "cube", [1], None, {}):
         assert ask(server, "/save", {"uid": uid, "cuts": wrong})[0] == 400
     assert ask(server, "/save", {"uid": "x", "cuts": cuts})[0] == 400
-    assert ask(server, "/save", {"uid": uid, "cuts": None}, token="guessed")[0] == 403
+    assert ask(server, "/save", {"uid": uid, "cuts": ["found"]}, token="guessed")[0] == 403
     status, text = ask(server, "/undo", {"uid": uid})
     assert (status, json.loads(text)["by_hand"], standing(one)) == (200, False, found)
     assert ask(server, "/undo", {"uid": uid})[0] == 400
@@ -155,7 +180,7 @@ def test_a_person_moves_divides_and_saves_on_the_page(server: SegmentServer, one
             assert await tab.value("dirty")
             assert standing(one) == found, "what is not saved is not kept"
             await tab.value("seek(150); $('add').click()")
-            await tab.value("$('first').value = 0; $('first').onchange()")
+            await tab.value("move(2, 'first', 0)")
             assert await tab.value("cuts[2].first === cuts[1].last"), "an edge stays behind the one before it"
             await tab.value("chosen = 0; draw(); $('remove').click(); $('save').click()")
             await tab.until("flight.by_hand")

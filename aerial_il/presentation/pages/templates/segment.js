@@ -19,6 +19,7 @@ async function attempt(work) {
 }
 
 const here = () => Math.min(flight.steps, Math.round($("film").currentTime / flight.step_s));
+const typed = (cut) => `${cut.thing}:${cut.first}-${cut.last}`;
 const share = (step) => `${(100 * step) / flight.steps}%`;
 const hue = (thing) => `hue${flight.things.indexOf(thing) % HUES}`;
 
@@ -33,11 +34,11 @@ function made(kind, className, left, right, text) {
 
 function draw() {
   $("cuts").replaceChildren(...cuts.map(block));
-  $("said").textContent = cuts.map((cut) => `${cut.thing}:${cut.first}-${cut.last}`).join(", ")
+  $("said").textContent = cuts.map(typed).join(", ")
     + (dirty ? " (not saved)" : flight.by_hand ? " (by hand)" : " (as found)");
   const cut = cuts[chosen];
-  for (const id of ["thing", "first", "last", "remove"]) $(id).disabled = !cut;
-  for (const id of ["thing", "first", "last"]) $(id).value = cut ? cut[id] : "";
+  for (const id of ["thing", "remove"]) $(id).disabled = !cut;
+  $("thing").value = cut?.thing ?? "";
   $("save").disabled = !dirty;
 }
 
@@ -145,11 +146,10 @@ $("film").onplay = $("film").onpause = () => { $("play").textContent = $("film")
 $("film").ontimeupdate = () => { $("now").style.left = share(here()); };
 $("line").onclick = (event) => { if (!event.target.closest(".cut")) seek(stepAt(event)); };
 $("thing").onchange = () => { cuts[chosen].thing = $("thing").value; change(chosen); };
-for (const side of ["first", "last"]) $(side).onchange = () => move(chosen, side, Math.round(Number($(side).value)));
 $("remove").onclick = () => { cuts.splice(chosen, 1); change(Math.max(0, chosen - 1)); };
 $("add").onclick = add;
-$("found").onclick = () => attempt(() => told("/save", { cuts: null }));
-$("save").onclick = () => attempt(() => told("/save", { cuts }));
+$("found").onclick = () => attempt(() => told("/save", { cuts: ["found"] }));
+$("save").onclick = () => attempt(() => told("/save", { cuts: cuts.map(typed) }));
 $("undo").onclick = () => attempt(() => told("/undo"));
 addEventListener("beforeunload", (event) => { if (dirty) event.preventDefault(); });
 open();
