@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
 
 FINAL = "policy"  # folder of a run that holds the finished policy
-EXPORTED = "policy.onnx"  # file of an exported policy
 
 
 def names() -> tuple[str, ...]:
@@ -89,11 +88,9 @@ def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy
 
 def load_flying(path: str | os.PathLike[str]) -> ChunkPolicy | OnnxPolicy:
     """Load a policy of ours, or one that was exported; raises as :func:`load_policy`."""
-    if (Path(path) / EXPORTED).is_file():
-        from aerial_il.policies.parts.exported import load_exported
+    from aerial_il.policies.parts.exported import GRAPH, load_exported
 
-        return load_exported(Path(path))
-    return load_policy(path)
+    return load_exported(Path(path)) if (Path(path) / GRAPH).is_file() else load_policy(path)
 
 
 def find_lerobot(path: Path) -> Path | None:

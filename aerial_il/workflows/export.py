@@ -17,7 +17,7 @@ class Export:
 
     Attributes:
         policy: a run or a policy.
-        out: folder for policy.onnx, policy.json and README.md.
+        out: folder for network.onnx, exported.json and README.md.
         evaluation: result that the README states (null: that of the run's folder, if there is one).
         license: under which the policy may be used (null: none is stated).
     """

@@ -96,12 +96,12 @@ def test_the_readme_says_what_it_flies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "change"),
     [
-        ("policy.onnx", lambda raw: raw[:-1]),
-        ("policy.onnx", lambda raw: bytes([*raw[:100], raw[100] ^ 1, *raw[101:]])),
-        ("policy.json", lambda raw: raw[: len(raw) // 2]),
-        ("policy.json", lambda raw: raw.replace(b"exported_policy/1", b"exported_policy/9")),
-        ("policy.json", lambda raw: raw.replace(b'"centre"', b'"center"')),
-        ("policy.json", lambda raw: b"[]"),
+        ("network.onnx", lambda raw: raw[:-1]),
+        ("network.onnx", lambda raw: bytes([*raw[:100], raw[100] ^ 1, *raw[101:]])),
+        ("exported.json", lambda raw: raw[: len(raw) // 2]),
+        ("exported.json", lambda raw: raw.replace(b"exported_policy/1", b"exported_policy/9")),
+        ("exported.json", lambda raw: raw.replace(b'"centre"', b'"center"')),
+        ("exported.json", lambda raw: b"[]"),
     ],
 )
 def test_what_was_cut_or_altered_is_refused(file: str, change, tmp_path: Path) -> None:

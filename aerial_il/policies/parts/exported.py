@@ -1,6 +1,6 @@
 """A policy that was exported: an ONNX graph and a description, flown without torch and without MuJoCo.
 
-``policy.onnx`` maps normalised histories to normalised chunks; ``policy.json`` has all that is needed around it:
+``network.onnx`` maps normalised histories to normalised chunks; ``exported.json`` has all that is needed around it:
 fields with their units, anchor, normalisation, how chunks are flown. Nothing is unpickled, and no code is run.
 """
 
@@ -17,19 +17,18 @@ import numpy as np
 from aerial_il.core.bounded import read_bytes, read_json
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.core.specs import EnvSpec
-from aerial_il.policies import EXPORTED
 from aerial_il.policies.parts.flying import FlyingPolicy
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 
 if TYPE_CHECKING:
-    from onnxruntime import InferenceSession
+    from onnxruntime import InferenceSession  # pyright: ignore[reportMissingImports]
 
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 SCHEMA = "aerial_il.exported_policy/1"
-GRAPH, DESCRIPTION, CARD = EXPORTED, "policy.json", "README.md"
+GRAPH, DESCRIPTION, CARD = "network.onnx", "exported.json", "README.md"
 STATE, IMAGE, NOISE, ACTIONS = "state", "image.", "noise", "actions"
 LARGEST_GRAPH = 2 << 30  # bytes; protobuf allows no more
 
@@ -58,6 +57,8 @@ class OnnxPolicy(FlyingPolicy):
         noise_size, redraws: numbers that one answer takes, and whether each takes new ones.
         origin: where the policy comes from.
     """
+
+    config: Flown
 
     def __init__(
         self,
@@ -88,7 +89,7 @@ class OnnxPolicy(FlyingPolicy):
 
 
 def described(policy: ChunkPolicy, graph: bytes) -> dict[str, Any]:
-    """Return the contents of ``policy.json``, plain values: all but the graph."""
+    """Return the contents of ``exported.json``, plain values: all but the graph."""
     wiring, config = policy.interface, policy.config
     layout = wiring.layout
     return {
@@ -110,13 +111,13 @@ def load_exported(folder: Path, *, threads: int = 1) -> OnnxPolicy:
     """Load an exported policy.
 
     Args:
-        folder: with ``policy.onnx`` and ``policy.json``. threads: of onnxruntime.
+        folder: with ``network.onnx`` and ``exported.json``. threads: of onnxruntime.
 
     Raises:
         CheckpointError: it is incomplete, altered, or of a later release. InvalidValueError: onnxruntime is missing.
     """
     try:
-        from onnxruntime import InferenceSession, SessionOptions
+        from onnxruntime import InferenceSession, SessionOptions  # pyright: ignore[reportMissingImports]
     except ModuleNotFoundError as error:
         raise InvalidValueError(f"{folder} is an exported policy: pip install onnxruntime") from error
     try:
@@ -148,10 +149,8 @@ def _plain(normaliser: Normaliser) -> dict[str, Any]:
 
 
 def _interface(said: Mapping[str, Any]) -> Interface:
-    layout = Layout(
-        EnvSpec.from_dict(said["spec"]),
-        **{name: tuple(v) if isinstance(v, list) else v for name, v in said["layout"].items()},
-    )
+    shown: dict[str, Any] = {name: tuple(v) if isinstance(v, list) else v for name, v in said["layout"].items()}
+    layout = Layout(EnvSpec.from_dict(said["spec"]), **shown)
     obs, action = (_normaliser(said[name]) for name in ("obs", "action"))
     switches = {name: np.array(values, np.float32) for name, values in said["switches"].items()}
     return Interface(layout, obs, action, float(said["obs_clip"]), Switches.from_arrays(switches))

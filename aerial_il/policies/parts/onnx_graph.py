@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import warnings
 from collections.abc import Mapping
@@ -36,7 +35,7 @@ def onnx_of(policy: ChunkPolicy) -> bytes:
         )
     inputs = _inputs(policy, EXAMPLES)
     worlds = torch.export.Dim("worlds", min=1, max=MOST_WORLDS)
-    network, file = _Named(policy, tuple(inputs)).cpu().eval(), io.BytesIO()
+    network = _Named(policy, tuple(inputs)).cpu().eval()
     logging.getLogger("onnxscript").setLevel(logging.ERROR)  # it tells what it does not fold
     try:
         with warnings.catch_warnings():
@@ -58,8 +57,7 @@ def onnx_of(policy: ChunkPolicy) -> bytes:
     except ModuleNotFoundError as error:
         raise InvalidValueError(f"Exporting needs {error.name}: pip install 'aerial-il[export]'") from error
     assert program is not None
-    program.save(file)
-    return file.getvalue()
+    return program.model_proto.SerializeToString()
 
 
 def _reason(error: Exception) -> str:

@@ -1,6 +1,6 @@
 """Write a policy as an ONNX graph with all around it: it flies with NumPy and onnxruntime, without torch or MuJoCo.
 
-The folder has policy.onnx, policy.json and a README with robot, task, observations, success and origin. It flies by
+The folder has network.onnx, exported.json and a README with robot, task, observations, success and origin. It flies by
 aerial-il evaluate policy=FOLDER, and anywhere by aerial_il.load_policy("FOLDER").
 
 Example: aerial-il export policy=runs/pick out=exported/pick
