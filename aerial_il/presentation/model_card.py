@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import yaml
 
-from aerial_il.core.places import README_SIGN
 from aerial_il.core.specs import Field
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -78,4 +77,4 @@ def _front_matter(title: str, license: str | None) -> str:
         "tags": ["aerial_il", "robotics", "imitation-learning", "onnx"],
         "model_name": title,
     }
-    return f"---\n{README_SIGN.decode()}\n{yaml.safe_dump(data, sort_keys=False, allow_unicode=True)}---"
+    return f"---\n{yaml.safe_dump(data, sort_keys=False, allow_unicode=True)}---"
