@@ -34,6 +34,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "convert": [["demos"]],
     "delete": [["demos", "where=seed == 3"]],
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
+    "export": [["policy", "out=exported"], ["run", "out=exported"]],
     "filter": [["demos", "where=seed < 2", "out=kept"]],
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],

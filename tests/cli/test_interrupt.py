@@ -22,6 +22,7 @@ AT_ONCE = {
     "compare",
     "delete",
     "doctor",
+    "export",
     "filter",
     "info",
     "list",

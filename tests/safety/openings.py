@@ -16,7 +16,8 @@ PLAIN = {  # keys whose text is no place that is read: names, and places of the 
     "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "uid", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
-    ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("publish", "out"), ("report", "out"),
+    ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("export", "out"), ("publish", "out"),
+    ("report", "out"),
     ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
@@ -51,6 +52,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("delete", "dataset"): ["where=steps >= 0", QUIET],
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
+        ("export", "policy"): ["out=exported"],
+        ("export", "evaluation"): [f"policy={sound.run}", "out=exported"],
         ("filter", "dataset"): ["where=steps >= 0", "out=kept", QUIET],
         ("filter", "out"): [dataset, "where=steps >= 0", QUIET],
         ("generate", "dataset"): ["out=made", *FLOWN],
