@@ -68,7 +68,7 @@ class BC:
             The learning rate is then still high, so that the policy may be worse than at the end of a whole run.
         cadence: when it logs, flies rollouts and saves.
         device: torch device.
-        mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
+        mixed_precision: compute in bfloat16 where that loses little: faster on a GPU, and on a CPU that knows bfloat16.
         threads: torch threads; results repeat bit for bit at a fixed number only.
     """
 
