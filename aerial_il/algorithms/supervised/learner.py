@@ -33,7 +33,7 @@ def require_device(name: str) -> None:
 
 
 def precision(device: str, *, mixed: bool) -> torch.autocast:
-    """Return the context in which the loss is computed: bfloat16 where ``mixed`` and that loses little, else float32."""
+    """Return the context in which the loss is computed: in bfloat16, where that loses little, if ``mixed``."""
     return torch.autocast(torch.device(device).type, dtype=torch.bfloat16, enabled=mixed)
 
 
