@@ -124,6 +124,8 @@ class Windows:
 
     def images(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Gather the images that the windows at ``index`` (B,) show, by name, each ``(B, To, *shape)``."""
+        if not self.image_names:
+            return {}
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
         places = list(zip(self.episode[index].tolist(), rows, strict=True))

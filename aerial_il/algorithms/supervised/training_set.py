@@ -192,6 +192,7 @@ class TrainingSet:
         self._windows, self._interface, self._device = windows, interface, device
         self._encoded = windows.mapped(interface.encode_obs, interface.action.normalise)
         self._moving = int(interface.layout.moving.sum())
+        self._scaler = interface.action.first(self._moving).tiled(windows.chunk)
         self._moved = windows.mapped(interface.layout.origin_of, lambda actions: actions[:, : self._moving])
 
     def __len__(self) -> int:
@@ -202,8 +203,9 @@ class TrainingSet:
         inputs, targets, is_pad = self._encoded[index]
         if self._moving:  # what is counted from the window's own last frame cannot be encoded before
             origins, moving, _ = self._moved[index]
-            scaler = self._interface.action.first(self._moving)
-            targets[..., : self._moving] = scaler.normalise(self._interface.layout.counted(moving, origins[:, -1:]))
+            counted = self._interface.layout.counted(moving, origins[:, -1:])
+            scaled = self._scaler.normalise(counted.reshape(len(index), -1))
+            targets[..., : self._moving] = scaled.reshape(counted.shape)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
         encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
         images = {n: torch.from_numpy(image).to(self._device) for n, image in self._windows.images(index).items()}
