@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from aerial_il.core.computer import free_memory_bytes
-from aerial_il.core.errors import InvalidValueError, StorageError
+from aerial_il.core.computer import HELD_MB, free_memory_bytes
+from aerial_il.core.errors import StorageError
 from aerial_il.data.episode import Episode
 from aerial_il.data.source import MEGABYTE
 
 log = logging.getLogger(__name__)
-HELD_MB = 1000  # unless more is asked for
 BLOCK, ALIGNED = 1 << 26, 64  # bytes
+NOTHING = np.empty(0, np.uint8)
 SHORT = "Name a disk with more room in TMPDIR, or take fewer episodes (dataset.episodes=N)."
 
 
@@ -34,24 +34,18 @@ class Memory:
 
     def __init__(self) -> None:
         self._limit, self._held = HELD_MB * MEGABYTE, 0
-        self._rest = np.empty(0, np.uint8)
+        self._rest = NOTHING
         self._said = False
 
     @contextmanager
     def limited(self, held_mb: int) -> Iterator[None]:
-        """Hold at most ``held_mb`` within the context.
-
-        Raises:
-            InvalidValueError: that is negative.
-        """
-        if held_mb < 0:
-            raise InvalidValueError(f"dataset.held_mb={held_mb} must not be negative; 0 holds all in files.")
+        """Hold at most ``held_mb`` within the context."""
         before, self._limit, self._said = self._limit, held_mb * MEGABYTE, False
-        self._rest = self._rest[:0]  # what is handed out from now on keeps to the new limit
+        self._rest = NOTHING  # what is handed out from now on keeps to the new limit
         try:
             yield
         finally:
-            self._limit, self._rest = before, self._rest[:0]
+            self._limit, self._rest = before, NOTHING
 
     def room_bytes(self) -> int:
         """Return how much more there is room for, in memory and in files."""
@@ -67,7 +61,7 @@ class Memory:
         taken = -(-size // ALIGNED) * ALIGNED
         if taken > len(self._rest):
             self._rest = self._block(max(taken, BLOCK if taken < BLOCK // 4 else 0))
-        found, self._rest = self._rest[:size], self._rest[taken:]
+        found, self._rest = self._rest[:size], self._rest[taken:] if taken < len(self._rest) else NOTHING
         return found.view(dtype).reshape(shape)
 
     def keep(self, episode: Episode) -> Episode:
@@ -96,7 +90,7 @@ class Memory:
 
     def _in_file(self, size: int) -> np.ndarray:
         if not size:
-            return np.empty(0, np.uint8)
+            return NOTHING
         if not self._said:
             limit = f"{self._limit // MEGABYTE} MB of memory (dataset.held_mb=N for more)"
             log.info("What is trained on takes more than %s: the rest lies in files in %s.", limit, _folder())
