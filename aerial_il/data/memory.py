@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import mmap
 import os
 import shutil
 import tempfile
@@ -12,6 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +37,8 @@ class Memory:
     def __init__(self) -> None:
         self._limit, self._held = HELD_MB * MEGABYTE, 0
         self._rest = NOTHING
-        self._said = False
+        self._files = weakref.WeakSet[mmap.mmap]()
+        self._said, self._origin = False, dict[str, Any]()
 
     @contextmanager
     def limited(self, held_mb: int) -> Iterator[None]:
@@ -65,7 +68,7 @@ class Memory:
         return found.view(dtype).reshape(shape)
 
     def keep(self, episode: Episode) -> Episode:
-        """Return the episode with its arrays here, each of them once."""
+        """Return the episode with its arrays here, each of them once, as are values that the one before had, too."""
         kept: dict[int, np.ndarray] = {}
 
         def moved(array: np.ndarray) -> np.ndarray:
@@ -75,7 +78,9 @@ class Memory:
             return kept[id(array)]
 
         own = {name: moved(each) for name, each in vars(episode).items() if isinstance(each, np.ndarray)}
-        return replace(episode, obs={name: moved(each) for name, each in episode.obs.items()}, **own)
+        obs, before = {name: moved(each) for name, each in episode.obs.items()}, self._origin
+        self._origin = {k: before[k] if before.get(k) == v else v for k, v in episode.provenance.items()}
+        return replace(episode, obs=obs, provenance=self._origin, **own)
 
     def _block(self, size: int) -> np.ndarray:
         if self._held + size > self._limit:
@@ -98,9 +103,13 @@ class Memory:
         try:
             with tempfile.TemporaryFile(dir=_folder()) as file:
                 os.posix_fallocate(file.fileno(), 0, size)  # a full disk is an error now, and a crash later
-                return np.memmap(file, np.uint8, "r+", shape=(size,)).view(np.ndarray)
+                pages = mmap.mmap(file.fileno(), size)
         except OSError as error:
             raise StorageError(_folder(), error, SHORT) from error
+        for each in self._files:
+            each.madvise(mmap.MADV_DONTNEED)  # their pages stay in the file, and need not in memory
+        self._files.add(pages)
+        return np.frombuffer(pages, np.uint8)
 
 
 def _folder() -> Path:

@@ -27,11 +27,11 @@ from aerial_il.policies.mlp import MLP
 from experiments.common.report import Report, Row, Target
 from experiments.common.stopwatch import Arm, interleave
 
-WINDOWS_PER_S, PEAK_MB, OPEN_S = 1e6, 2000.0, 2.5
+WINDOWS_PER_S, PEAK_MB = 1e6, 2000.0
 ROBOT, TASK, ALOHA_FILES = "fa_hexa_arm4", "pick_place", 100
 WRITTEN = {"lerobot": "data", "robomimic": "data.hdf5", "d4rl": "flat.hdf5"}
 LARGE = """
-import json, resource, sys, time
+import json, sys, time
 started = time.perf_counter()
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.training_set import prepare
@@ -43,8 +43,7 @@ for step in range(200):
     ready.training.gather(ready.order[step])
 taken = time.perf_counter() - started
 lines = dict(line.split(":", 1) for line in open("/proc/self/status"))
-own = int(lines["RssAnon"].split()[0]) / 1024
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+own, peak = (int(lines[name].split()[0]) / 1024 for name in ("RssAnon", "VmHWM"))
 print(json.dumps({"windows": len(ready.training), "start_s": taken, "own_mb": own, "peak_mb": peak}))
 """
 NOTES = (
@@ -85,6 +84,7 @@ class Loader:
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Time every format, and learn from large sets; see :class:`Study`."""
         started = time.perf_counter()
+        folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix="aerial_il-", dir=folder) as scratch:
             formats = self._formats(Path(scratch))
             large = [{"episodes": size, **_learned_from(self._large(Path(scratch), size))} for size in self.sizes]
@@ -187,7 +187,5 @@ def _targets(formats: list[Row], large: list[Row]) -> Iterator[Target]:
     for row in formats:
         what = f"{row['format']}: normalised windows per second"
         yield Target(what, "at least", WINDOWS_PER_S, row["normalised_per_s"], "")
-        if row["format"] == "aloha":
-            yield Target(f"{ALOHA_FILES} files of ALOHA, opened and read", "at most", OPEN_S, row["opened_s"], "s")
     for row in large:
         yield Target(f"{row['episodes']} episodes: peak memory", "at most", PEAK_MB, row["peak_mb"], "MB")
