@@ -122,6 +122,10 @@ class Windows:
             self._is_pad_runs[self._action_row[index]],
         )
 
+    def present(self, index: np.ndarray) -> np.ndarray:
+        """Gather the last observations (B, Do) of the windows at ``index`` (B,)."""
+        return self._obs[self._obs_row[index] + self.history - 1]
+
     def images(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Gather the images that the windows at ``index`` (B,) show, by name, each ``(B, To, *shape)``."""
         if not self.image_names:

@@ -152,10 +152,13 @@ def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
     return None if np.ptp(weights) == 0 else weights[windows.episode]
 
 
+def _indices(windows: Windows) -> Iterator[np.ndarray]:
+    """Yield the places of all windows in their order, some at a time: together they take much more room than rows."""
+    return (np.arange(start, min(start + BLOCK, len(windows))) for start in range(0, len(windows), BLOCK))
+
+
 def _blocks(windows: Windows) -> Iterator[Batch]:
-    """Yield all windows in their order, some at a time: together they take many times the room of what they show."""
-    for start in range(0, len(windows), BLOCK):
-        yield windows[np.arange(start, min(start + BLOCK, len(windows)))]
+    return (windows[index] for index in _indices(windows))
 
 
 def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
@@ -173,7 +176,7 @@ def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
 
 def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> Interface:
     """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
-    frames = Samples(lambda: (layout.relate(batch.obs[:, -1]) for batch in _blocks(windows)))
+    frames = Samples(lambda: (layout.relate(windows.present(index)) for index in _indices(windows)))
     targets = Samples(lambda: (to_offsets(layout, b.actions, b.obs)[~b.is_pad] for b in _blocks(windows)))
     action = Normaliser.fit(targets, policy.action_scaling, reach=layout.spec.action.reach)
     return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
