@@ -18,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 from aerial_il.data.memory import MEMORY
 
-BLOCK = 1 << 16  # rows at once
+BLOCK, AT_ONCE = 1 << 16, 1000  # rows, and episodes
 Rows = Callable[[np.ndarray], np.ndarray]
 Target = Literal["actions", "executed_actions", "expert_actions"]
 
@@ -147,7 +147,9 @@ def _joined(
 ) -> np.ndarray:
     """Return parts (T, D) of so many ``steps`` one after the other, each with copies of its first or last row."""
     joined, start = np.empty((0, 0), dtype), 0
-    for part in parts:
+    for number, part in enumerate(parts):
+        if not number % AT_ONCE:
+            MEMORY.release()
         if not start:
             joined = MEMORY.empty((int(steps.sum()) + len(steps) * (before + after), part.shape[1]), dtype)
         first, last = start + before, start + before + len(part)
