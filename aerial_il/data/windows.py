@@ -18,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
 from aerial_il.data.memory import MEMORY
 
-BLOCK, AT_ONCE = 1 << 16, 1000  # rows, and episodes
+BLOCK = 1 << 16  # rows at once
 Rows = Callable[[np.ndarray], np.ndarray]
 Target = Literal["actions", "executed_actions", "expert_actions"]
 
@@ -147,9 +147,7 @@ def _joined(
 ) -> np.ndarray:
     """Return parts (T, D) of so many ``steps`` one after the other, each with copies of its first or last row."""
     joined, start = np.empty((0, 0), dtype), 0
-    for number, part in enumerate(parts):
-        if not number % AT_ONCE:
-            MEMORY.release()
+    for part in parts:
         if not start:
             joined = MEMORY.empty((int(steps.sum()) + len(steps) * (before + after), part.shape[1]), dtype)
         first, last = start + before, start + before + len(part)
@@ -161,6 +159,7 @@ def _joined(
 def _made(function: Rows, rows: np.ndarray) -> np.ndarray:
     made = MEMORY.empty((len(rows), function(rows[:1]).shape[1]), np.float32)
     for start in range(0, len(rows), BLOCK):
+        MEMORY.release()
         made[start : start + BLOCK] = function(rows[start : start + BLOCK])
     return made
 
