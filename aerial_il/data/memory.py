@@ -67,11 +67,6 @@ class Memory:
         found, self._rest = self._rest[:size], self._rest[taken:] if taken < len(self._rest) else NOTHING
         return found.view(dtype).reshape(shape)
 
-    def release(self) -> None:
-        """Give back the memory of what lies in files; it is read again when it is used."""
-        for each in self._files:
-            each.madvise(mmap.MADV_DONTNEED)
-
     def keep(self, episode: Episode) -> Episode:
         """Return the episode with its arrays here, each of them once, as are values that the one before had, too."""
         kept: dict[int, np.ndarray] = {}
@@ -111,7 +106,8 @@ class Memory:
                 pages = mmap.mmap(file.fileno(), size)
         except OSError as error:
             raise StorageError(_folder(), error, SHORT) from error
-        self.release()
+        for each in self._files:
+            each.madvise(mmap.MADV_DONTNEED)  # their pages stay in the file, and need not in memory
         self._files.add(pages)
         return np.frombuffer(pages, np.uint8)
 

@@ -159,7 +159,6 @@ def _joined(
 def _made(function: Rows, rows: np.ndarray) -> np.ndarray:
     made = MEMORY.empty((len(rows), function(rows[:1]).shape[1]), np.float32)
     for start in range(0, len(rows), BLOCK):
-        MEMORY.release()
         made[start : start + BLOCK] = function(rows[start : start + BLOCK])
     return made
 
