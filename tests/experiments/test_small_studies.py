@@ -88,6 +88,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "image_size": (24, 24),
         "episodes": 1,
     },
+    "loader": lambda: {"demonstrations": 2, "steps": 1, "repetitions": 1, "sizes": (2,)},
     "recording": lambda: {"robots": ("ua_quad_arm4",), "demonstrations": 2, "converted": 2, "repetitions": 1},
     "sb3": lambda: {"cells": ("ppo_cartpole",), "seeds": (0, 1), "episodes": 2, "steps_share": 0.02},
     "z1_reach": lambda: {
@@ -102,7 +103,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "curve_episodes": 2,
     },
 }
-REMEASURED = {"recording"}  # of its few seconds nothing is kept
+REMEASURED = {"loader", "recording"}  # of their few minutes nothing is kept
 NEEDS = {"panda": "panda_gym", "sb3": "stable_baselines3"}
 
 
