@@ -87,7 +87,8 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
         try:
             tree = parse_json(line)
             if number == 1:
-                _check_header(tree)
+                if tree != HEADER:
+                    raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")
                 continue
             preference = _preference(tree)
             if lengths is not None:
@@ -96,11 +97,6 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
             raise DemoError(path, f"line {number} cannot be used ({error}).", hint=MAKE) from error
         found.append((preference, end))
     return found
-
-
-def _check_header(tree: Any) -> None:
-    if tree != HEADER:
-        raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")
 
 
 def _check(preference: Preference, lengths: Mapping[str, int]) -> None:
