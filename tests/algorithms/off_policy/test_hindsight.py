@@ -17,7 +17,6 @@ from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.problem import Given
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.sac import SAC
-from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns, GoalSpec
 from aerial_il.data.episode import Episode
@@ -27,6 +26,7 @@ from tests.algorithms.drift import EDGE, MAX_STEPS, SPEC, Drift, demonstrations
 from tests.algorithms.made import names
 from tests.algorithms.small import POLICY, short, train
 from tests.algorithms.sought import GOAL, NEAR, Hidden, Sought, near
+from tests.algorithms.stopped import assert_same_when_stopped
 
 RELABELLED = [n for n in algorithms.names() if "hindsight.goals" in names(algorithms.get(n))]
 
@@ -208,18 +208,7 @@ def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> No
 @each
 def test_stopped_within_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     settings = beside(name, evaluate_every=104)
-    train_beside(settings, tmp_path / "whole", Sought(8), evaluate=lambda policy, step: {})
-
-    def stop(policy: Any, step: int) -> dict[str, float]:
-        if step:
-            raise KeyboardInterrupt
-        return {}
-
-    with pytest.raises(KeyboardInterrupt):
-        train_beside(settings, tmp_path / "run", Sought(8), evaluate=stop)
-    train_beside(settings, tmp_path / "run", Sought(8), evaluate=lambda policy, step: {})
-    whole, run = ((tmp_path / one / "policy" / ARRAYS).read_bytes() for one in ("whole", "run"))
-    assert run == whole
+    assert_same_when_stopped(lambda run, **judged: train_beside(settings, run, Sought(8), **judged), tmp_path, 1)
 
 
 @each
