@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,6 @@ from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.policies.mlp import MLP
 from experiments.foreign.layouts import minari, robomimic
 from tests.data.formats.recorded import buffered, demo, grey, last, lerobot, pair
-
-
-@pytest.fixture(autouse=True)
-def heard(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(logging.getLogger("aerial_il"), "propagate", True)
 
 
 def findings(dataset: Dataset) -> dict[str, str]:
