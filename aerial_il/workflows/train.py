@@ -31,11 +31,17 @@ class Dataset(Reading):
         path: their folder.
         episodes: how many of the successful ones (null: all).
         by_hand: whether a person flew them (null: what they say).
+        latency_ms: shift what was seen against what was done until so much lies between; 0: none, as if none had been
+            recorded (null: as it was recorded).
     """
 
     path: str | None = None
     episodes: int | None = None
     by_hand: bool | None = None
+    latency_ms: float | None = None
+
+    def __post_init__(self) -> None:
+        at_least(self, latency_ms=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,6 +179,7 @@ def _demonstrations(
     dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool, states: bool
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
+    from aerial_il.data.latency import with_latency
     from aerial_il.workflows.parts import demonstrations
 
     if (path := dataset.path) is None:
@@ -181,9 +188,12 @@ def _demonstrations(
         raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
     demonstrations.check_origin(path, where.expected, dataset)
     demonstrations.warn_of_changes(path, dataset)
-    return demonstrations.open_demonstrations(
+    if (latency_ms := dataset.latency_ms) is not None and states:
+        raise InvalidValueError("dataset.latency_ms is for algorithms that learn from demonstrations as they are.")
+    episodes = demonstrations.open_demonstrations(
         path, limit=dataset.episodes, images=images, failures=failures, states=states, reading=dataset
     )
+    return episodes if latency_ms is None else [with_latency(episode, latency_ms) for episode in episodes]
 
 
 @contextmanager

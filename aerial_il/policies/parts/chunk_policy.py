@@ -16,12 +16,16 @@ from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
-from aerial_il.policies.parts import constant
+from aerial_il.policies.parts import constant, embodiment
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.egocentric import suits_other_robots
+from aerial_il.policies.parts.execution import AS_TRAINED, Execution
 from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
+from aerial_il.policies.parts.guiding import Guide, joining
 from aerial_il.policies.parts.layout import Interface, Layout, check_cameras
 from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, shown
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
@@ -30,10 +34,12 @@ from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
 from aerial_il.policies.parts.vision import build_network
+from aerial_il.robots import get as robot_of
 
 log = logging.getLogger(__name__)
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
+ANY_ROBOT = " A policy that sees the tool alone flies other robots too: train one with policy=diffusion_umi."
 
 
 class ChunkPolicy:
@@ -60,6 +66,7 @@ class ChunkPolicy:
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
+        self.execution, self._follower = AS_TRAINED, None
         self.task = self.spec.task
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
@@ -89,7 +96,8 @@ class ChunkPolicy:
             rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
             first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
             noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
-            self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
+            guided = {"guide": guide} if (guide := self._guide(history[rows], obs, due)) else {}
+            self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise, **guided), due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))
 
@@ -100,6 +108,7 @@ class ChunkPolicy:
         *,
         images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
+        guide: Guide | None = None,
     ) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units.
 
@@ -107,12 +116,14 @@ class ChunkPolicy:
             history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
             images: of the layout's cameras by name, each (B, To, H, W, 3) uint8.
             noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
+            guide: what leads the denoising of a network that is guided.
         """
         encoded = tensor(self.interface.encode_obs(history)).to(self._device)
         pictures = {name: tensor(image).to(self._device) for name, image in (images or {}).items()}
         drawn = () if noise is None or not self.network.noise_size else (tensor(noise).to(self._device),)
-        with torch.inference_mode():
-            outputs = self.network(shown(encoded, pictures), *drawn).cpu().numpy()
+        led = {"guide": guide} if guide else {}
+        with torch.no_grad() if guide else torch.inference_mode():
+            outputs = self.network(shown(encoded, pictures), *drawn, **led).cpu().numpy()
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
@@ -128,7 +139,33 @@ class ChunkPolicy:
     def fresh(self) -> ChunkPolicy:
         """Return the same policy, networks shared, with a memory of its own that is empty."""
         again = ChunkPolicy(self.config, self.interface, self.network, self.origin)
-        again._shown_for = self._shown_for
+        again._shown_for, again.execution, again._follower = self._shown_for, self.execution, self._follower
+        again._plan = self._plan.empty()
+        return again
+
+    def executing(self, execution: Execution, latency: Latency = NO_LATENCY) -> ChunkPolicy:
+        """Return the same policy, network shared, whose chunks are flown as ``execution`` says.
+
+        Args:
+            execution: see there. latency: of the robot.
+
+        Raises:
+            InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, or the
+                network does not denoise, where it is to be led.
+        """
+        if type(self) is not ChunkPolicy:
+            raise InvalidValueError("execution: a policy around another one flies its chunks as it was trained.")
+        config, again = self.config, self.fresh()
+        delay_ms = latency.total_ms if execution.delay_ms is None else execution.delay_ms
+        steps = whole_steps("execution.delay_ms", delay_ms, self.spec.control_dt_s)
+        realtime, led = execution.chunks == "realtime", execution.guidance > 0
+        if (realtime or led) and not self.network.guided:
+            asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
+            raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
+        ensemble = None if realtime else config.ensemble
+        delay = 0 if execution.chunks == "plain" else steps
+        again._plan = ActionPlan(config.chunk, config.execute, ensemble, delay=delay)
+        again.execution = execution
         return again
 
     def memory(self) -> dict[str, np.ndarray]:
@@ -149,6 +186,13 @@ class ChunkPolicy:
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
         self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
+        if self.execution.guidance:
+            embodiment.check_steerable(self.interface, env.spec.observation.names)
+            self._follower = embodiment.Follower.of(robot_of(env.spec.robot))
+        if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
+            log.warning(
+                "Trained on %s, it flies %s: all it knows of a robot is its tool.", self.spec.robot, env.spec.robot
+            )
         for own, name in self._shown_for.items():
             log.warning("The policy's %s is the environment's %s, the only field of its shape.", own, name)
 
@@ -158,12 +202,14 @@ class ChunkPolicy:
         check_cameras(self.interface.layout, spec)
         spec = as_one_of(self.spec, spec)
         untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
+        across = ("robot",) if suits_other_robots(self.spec, self._seen) else ()
         differing = _restrict(self.spec, self._seen).differences(
-            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold)
+            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
         )
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
-            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.")
+            hint = ANY_ROBOT if spec.robot != self.spec.robot and spec.action == self.spec.action else ""
+            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.{hint}")
 
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the policy as a sealed folder that can be flown by itself."""
@@ -191,6 +237,17 @@ class ChunkPolicy:
         )
         interface = Interface(layout, obs, action, config.obs_clip, Switches.from_arrays(saved.arrays))
         return ChunkPolicy(config, interface, network, saved.state.get("origin"))
+
+    def _guide(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> Guide | None:
+        """Return what leads the chunks of the m worlds in ``due`` (n,), which see ``history`` (m, To, Do), if any."""
+        guide = None
+        if self.execution.chunks == "realtime" and (committed := self._plan.committed(due)) is not None:
+            guide = joining(self.interface, history, *committed, self._plan.delay)
+        if self._follower:
+            velocity, guidance = obs[embodiment.VELOCITY][due], self.execution.guidance
+            steer = embodiment.steering(self._follower, self.interface, history, velocity, guidance)
+            guide = replace(guide or Guide(), steer=steer)
+        return guide
 
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
