@@ -19,7 +19,7 @@ from aerial_il.core.latency import Latency
 from aerial_il.data.episode import Episode
 
 PER_STEP = (
-    "actions", "executed_actions", "expert_actions", "is_intervention", "phase", "rewards", "terminated", "truncated",
+    "actions", "expert_actions", "is_intervention", "phase", "rewards", "terminated", "truncated",
     "ctrl",
 )  # fmt: skip
 
@@ -51,6 +51,13 @@ def with_latency(episode: Episode, latency_ms: float) -> Episode:
     kept = steps - max(shift, 0)
     seen = np.clip(np.arange(kept + 1) + shift, 0, steps)
     rows = {name: getattr(episode, name)[:kept] for name in PER_STEP}
+    rows["executed_actions"] = _executed_when_sent(episode, step_ms)[:kept]
     rows |= {name: getattr(episode, name)[: kept + 1] for name in ("states", "sim_time")}
     extras = {name: values[:kept] for name, values in episode.extras.items()}
     return replace(episode, obs={name: values[seen] for name, values in episode.obs.items()}, extras=extras, **rows)
+
+
+def _executed_when_sent(episode: Episode, step_ms: float) -> np.ndarray:
+    """Return what was executed (T, Da) in the rows in which it was sent; what was not, at the end, as it was sent."""
+    late = round(episode.provenance.get("settings", {}).get("action_delay_ms", 0.0) / step_ms)
+    return np.concatenate([episode.executed_actions[late:], episode.actions[len(episode) - late :]])

@@ -47,8 +47,7 @@ class LateBatch(BatchEnvWrapper):
         result = self.env.step(self._sent[0], mask)
         later = [*self._seen[1:], result.obs]
         self._seen = [_merged(old, new, moving) for old, new in zip(self._seen, later, strict=True)]
-        sent = self.spec.action.clip(self._sent[-1])
-        return replace(result, obs=self.observe(), info={**result.info, "executed_action": sent})
+        return replace(result, obs=self.observe())
 
     def observe(self) -> Seen:
         """Observations of all worlds as they are seen now, ``name -> (n, ...)``."""

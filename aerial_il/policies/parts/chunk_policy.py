@@ -66,7 +66,7 @@ class ChunkPolicy:
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(network.noise_size, redraw=network.redraws)
         self._worlds: int | None = None
-        self.execution, self._follower = AS_TRAINED, None
+        self.execution, self._followers = AS_TRAINED, None
         self.task = self.spec.task
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
@@ -139,7 +139,7 @@ class ChunkPolicy:
     def fresh(self) -> ChunkPolicy:
         """Return the same policy, networks shared, with a memory of its own that is empty."""
         again = ChunkPolicy(self.config, self.interface, self.network, self.origin)
-        again._shown_for, again.execution, again._follower = self._shown_for, self.execution, self._follower
+        again._shown_for, again.execution, again._followers = self._shown_for, self.execution, self._followers
         again._plan = self._plan.empty()
         return again
 
@@ -162,9 +162,9 @@ class ChunkPolicy:
         if (realtime or led) and not self.network.guided:
             asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
             raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
-        ensemble = None if realtime else config.ensemble
+        execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
         delay = 0 if execution.chunks == "plain" else steps
-        again._plan = ActionPlan(config.chunk, config.execute, ensemble, delay=delay)
+        again._plan = ActionPlan(config.chunk, max(1, execute), ensemble, delay=delay)
         again.execution = execution
         return again
 
@@ -188,7 +188,10 @@ class ChunkPolicy:
         self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
         if self.execution.guidance:
             embodiment.check_steerable(self.interface, env.spec.observation.names)
-            self._follower = embodiment.Follower.of(robot_of(env.spec.robot))
+            flown, learned = (embodiment.Follower.of(robot_of(each.robot)) for each in (env.spec, self.spec))
+            self._followers = None if flown == learned else (flown, learned)
+            if self._followers is None:
+                log.warning("%s follows as %s does: guidance changes nothing.", env.spec.robot, self.spec.robot)
         if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
             log.warning(
                 "Trained on %s, it flies %s: all it knows of a robot is its tool.", self.spec.robot, env.spec.robot
@@ -243,9 +246,9 @@ class ChunkPolicy:
         guide = None
         if self.execution.chunks == "realtime" and (committed := self._plan.committed(due)) is not None:
             guide = joining(self.interface, history, *committed, self._plan.delay)
-        if self._follower:
+        if self._followers:
             velocity, guidance = obs[embodiment.VELOCITY][due], self.execution.guidance
-            steer = embodiment.steering(self._follower, self.interface, history, velocity, guidance)
+            steer = embodiment.steering(self._followers, self.interface, history, velocity, guidance)
             guide = replace(guide or Guide(), steer=steer)
         return guide
 

@@ -1,17 +1,18 @@
 """What a robot can follow: a chunk is changed, while it is denoised, towards poses that its tool will reach.
 
-The tool is modelled as a point and a frame that follow commanded poses as this robot's controller would in free air:
+The tool is modelled as a point and a frame that follow commanded poses as a robot's controller would in free air:
 
     acceleration = p (reference - position) + d (reference's velocity - velocity),   limited, and so is the velocity;
     turn = 4/s of what is missing, limited
 
 with gains and limits of the flight controller, fitted to the robot (slow rotors slow all of them down), and less
-acceleration where it has to tilt first. The cost of a chunk is the squared distance between the poses that are
-commanded and those that are reached, at eight moments of it. Its gradient by the commanded poses, taken with the
-reached ones held, as at an optimum of the predictive controller that the source has in this place, is limited at each.
+acceleration where it has to tilt first. Commands here run ahead of the tool, so that no robot is where they are. The
+cost of a chunk is therefore the squared distance between what this robot reaches and what the robot that demonstrated
+would, at eight moments of it; its gradient by the commanded poses is limited at each. Where both models are alike, as of
+vehicles with quick rotors that need not tilt, there is nothing to lead to.
 
-The model knows neither the arm's posture nor contact, payload, wind or latency. What the source moves is the noisy
-chunk; here it is what is told of the clean one.
+The model stands in place of the source's predictive controller. It knows neither the arm's posture nor contact,
+payload, wind or latency. What the source moves is the noisy chunk; here it is what is told of the clean one.
 
 Source: H. Gupta et al., "UMI-on-Air: Embodiment-Aware Guidance for Embodiment-Agnostic Visuomotor Policies", 2025 (cost
 over 8 poses, limits of 0.05 and 0.005, scale 1.5 times the share of the signal's variance).
@@ -86,12 +87,16 @@ class Follower:
 
 
 def steering(
-    follower: Follower, interface: Interface, history: np.ndarray, velocity_world: np.ndarray, guidance: float
+    followers: tuple[Follower, Follower],
+    interface: Interface,
+    history: np.ndarray,
+    velocity_world: np.ndarray,
+    guidance: float,
 ) -> Callable[[Tensor], Tensor]:
     """Return what normalised chunks (B, C), denoised after ``history``, are changed by.
 
     Args:
-        follower: of the robot. interface: of the policy. history: (B, To, Do) that it sees.
+        followers: of the robot, and of the one that demonstrated. interface: of the policy. history: (B, To, Do) that it sees.
         velocity_world: (B, 3) of the robot's base. guidance: how strongly.
     """
     layout, scale = interface.layout, tensor(interface.action.scale)
@@ -110,8 +115,10 @@ def steering(
         steps = actions.shape[1]
         moments = torch.linspace(0, steps - 1, min(MOMENTS, steps)).round().long()
         interval_s = dt * max(1.0, (steps - 1) / max(1, len(moments) - 1))
-        commanded = actions[:, moments, :POSE]
-        grad = 2.0 * (commanded - follower.reached(commanded, start, moving, interval_s))
+        with torch.enable_grad():
+            commanded = actions[:, moments, :POSE].detach().requires_grad_()
+            reached, meant = (each.reached(commanded, start, moving, interval_s) for each in followers)
+            (grad,) = torch.autograd.grad((reached - meant).square().sum(), commanded)
         grad = torch.cat([_limited(grad[..., :3], MOST_M), _limited(grad[..., 3:], MOST_ROT6D)], -1)
         spread = functional.interpolate(grad.mT, size=steps, mode="linear", align_corners=True).mT
         change = torch.zeros_like(actions)

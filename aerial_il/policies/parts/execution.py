@@ -4,8 +4,8 @@ A chunk begins with the action for the moment that the observation shows. With a
 actions come too late: they belong to what has been sent already.
 
 ``plain``: flown as if there were no latency. ``dropped``: the first d actions are left out, the others are in time.
-``realtime``: moreover, the actions that were sent are held while the new chunk is denoised, and those still planned are
-held the less the later they are, so that chunks join (see :mod:`.guiding`); the newest chunk is flown alone.
+``realtime``: moreover, half a chunk is flown before the next one is due; while that is denoised, the actions that were
+sent are held, and those still planned are held the less the later they are, so that chunks join (see :mod:`.guiding`).
 
 Source: C. Chi et al., "Universal Manipulation Interface", 2024, section IV-B (outdated actions are discarded).
 """
