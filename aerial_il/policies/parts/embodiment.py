@@ -8,8 +8,8 @@ The tool is modelled as a point and a frame that follow commanded poses as a rob
 with gains and limits of the flight controller, fitted to the robot (slow rotors slow all of them down), and less
 acceleration where it has to tilt first. Commands here run ahead of the tool, so that no robot is where they are. The
 cost of a chunk is therefore the squared distance between what this robot reaches and what the robot that demonstrated
-would, at eight moments of it; its gradient by the commanded poses is limited at each. Where both models are alike, as of
-vehicles with quick rotors that need not tilt, there is nothing to lead to.
+would, at eight moments of it; its gradient by the commanded poses is limited at each. Where both models are alike, as
+of vehicles with quick rotors that need not tilt, there is nothing to lead to.
 
 The model stands in place of the source's predictive controller. It knows neither the arm's posture nor contact,
 payload, wind or latency. What the source moves is the noisy chunk; here it is what is told of the clean one.
@@ -21,7 +21,8 @@ over 8 poses, limits of 0.05 and 0.005, scale 1.5 times the share of the signal'
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -44,13 +45,13 @@ VELOCITY = "base_vel"
 
 @dataclass(frozen=True)
 class Follower:
-    """How the tool of one robot follows commanded poses; SI units."""
+    """How the tool of one robot follows commanded poses; SI units, numbers or (B, 1) of B robots."""
 
-    stiffness: float
-    damping: float
-    acceleration: float
-    speed: float
-    turn: float
+    stiffness: Any
+    damping: Any
+    acceleration: Any
+    speed: Any
+    turn: Any
 
     @staticmethod
     def of(robot: Robot) -> Follower:
@@ -68,6 +69,11 @@ class Follower:
             gains.position, gains.velocity, share * gains.reference_acceleration, gains.reference_speed,
             gains.reference_turn,
         )  # fmt: skip
+
+    def beside(self, other: Follower, count: int) -> Follower:
+        """Return ``count`` robots like this one, and as many like the other."""
+        pairs = torch.tensor([astuple(self), astuple(other)]).repeat_interleave(count, 0)
+        return Follower(*pairs.split(1, -1))
 
     def reached(self, commanded: Tensor, start: Tensor, velocity: Tensor, interval_s: float) -> Tensor:
         """Return the poses (B, K, 9) that the tool has at the end of each interval, of those that are commanded.
@@ -96,8 +102,8 @@ def steering(
     """Return what normalised chunks (B, C), denoised after ``history``, are changed by.
 
     Args:
-        followers: of the robot, and of the one that demonstrated. interface: of the policy. history: (B, To, Do) that it sees.
-        velocity_world: (B, 3) of the robot's base. guidance: how strongly.
+        followers: of the robot, and of the one that demonstrated. interface: of the policy.
+        history: (B, To, Do) that it sees. velocity_world: (B, 3) of the robot's base. guidance: how strongly.
     """
     layout, scale = interface.layout, tensor(interface.action.scale)
     centre, dt = tensor(interface.action.centre), layout.spec.control_dt_s
@@ -108,7 +114,7 @@ def steering(
     velocity = np.asarray(velocity_world)
     if layout.relative:
         velocity = np.einsum("nji,nj->ni", rotations(tool[:, 3:]), velocity)
-    moving = tensor(velocity.astype(np.float32))
+    moving, both = tensor(velocity.astype(np.float32)), followers[0].beside(followers[1], len(tool))
 
     def steer(chunks: Tensor) -> Tensor:
         actions = chunks.unflatten(-1, (-1, len(scale))) * scale + centre
@@ -117,7 +123,8 @@ def steering(
         interval_s = dt * max(1.0, (steps - 1) / max(1, len(moments) - 1))
         with torch.enable_grad():
             commanded = actions[:, moments, :POSE].detach().requires_grad_()
-            reached, meant = (each.reached(commanded, start, moving, interval_s) for each in followers)
+            twice = (torch.cat([each, each]) for each in (commanded, start, moving))
+            reached, meant = both.reached(*twice, interval_s).chunk(2)
             (grad,) = torch.autograd.grad((reached - meant).square().sum(), commanded)
         grad = torch.cat([_limited(grad[..., :3], MOST_M), _limited(grad[..., 3:], MOST_ROT6D)], -1)
         spread = functional.interpolate(grad.mT, size=steps, mode="linear", align_corners=True).mT

@@ -6,7 +6,8 @@ guide changes what it tells, at every step:
 - real-time chunking: ``a_hat += min((s² + n²) / s, 10) J' W (y - a_hat)`` with y the plan that there is, W how much
   each of its actions is held, and J' the transposed Jacobian of a_hat by x: what y asks for goes back through the
   network, so that the rest of the chunk follows suit;
-- embodiment: ``a_hat -= guidance s² g`` with g a clipped gradient, see :mod:`.embodiment`.
+- embodiment: ``a_hat -= guidance s² g`` with g a clipped gradient, see :mod:`.embodiment`; only where s² is at least a
+  half, for what is told earlier is told anew.
 
 Source: K. Black, M. Galliker, S. Levine, "Real-Time Execution of Action Chunking Flow Policies", 2025, equations 2 to 5
 (their weight, written for any s and n; their limit is 5); H. Gupta et al., "UMI-on-Air", 2025.
@@ -24,7 +25,7 @@ from torch import Tensor
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.layout import Interface
 
-LIMIT = 10.0
+LIMIT, MOSTLY = 10.0, 0.5
 Denoise = Callable[[Tensor], Tensor]
 
 
@@ -44,7 +45,7 @@ class Guide:
     def __call__(self, denoise: Denoise, x: Tensor, signal: float, noise: float) -> Tensor:
         """Return the actions (B, C) that are led to at ``x`` (B, C), of which ``denoise`` tells them alone."""
         clean = denoise(x) if self.planned is None else self._joined(denoise, x, signal, noise)
-        return clean if self.steer is None else clean + signal**2 * self.steer(clean)
+        return clean + signal**2 * self.steer(clean) if self.steer and signal**2 >= MOSTLY else clean
 
     def _joined(self, denoise: Denoise, x: Tensor, signal: float, noise: float) -> Tensor:
         with torch.enable_grad():
