@@ -19,6 +19,7 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.latency import Latency
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies import load_policy
 from aerial_il.policies.diffusion import Diffusion
 from aerial_il.policies.parts.embodiment import Follower
 from aerial_il.policies.parts.execution import Execution
@@ -156,12 +157,18 @@ class Umi:
         flown = Source(robot=cell.robot, task=cell.task, tier=TIER)
         return judged_once(
             place,
-            lambda: stages.policy(training).executing(execution, latency),
+            lambda: load_policy(_trained(stages, training)).executing(execution, latency),
             lambda: late(stages.environment(flown, TIER, min(self.num_envs, self.episodes)), latency),
             seeds,
             name=cell.label,
             progress=stages.progress,
         )
+
+
+def _trained(stages: Stages, training: Cloned) -> Path:
+    """Return the folder of a training that is finished."""
+    stages.policy(training)
+    return stages.run_of(training)
 
 
 NOTES = (

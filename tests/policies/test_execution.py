@@ -61,7 +61,7 @@ def test_a_guide_that_wants_nothing_changes_nothing(name: str) -> None:
     obs, noise = torch.randn(3, 2, 15), torch.randn(3, network.noise_size)
     with torch.no_grad():
         free = network(obs, noise)
-        free_too = network(obs, noise, Guide(planned=torch.zeros(3, 50), held=torch.zeros(3, 50)))
+        free_too = network(obs, noise, Guide((torch.zeros(3, 50), torch.zeros(3, 50))))
     torch.testing.assert_close(free, free_too, atol=1e-5, rtol=1e-4)
 
 
@@ -73,7 +73,7 @@ def test_denoising_is_led_to_the_plan_that_is_held(name: str) -> None:
     held[:, :2] = 1.0
     with torch.no_grad():
         free = network(obs, noise)
-        led = network(obs, noise, Guide(planned=plan.flatten(1), held=held.flatten(1)))
+        led = network(obs, noise, Guide((plan.flatten(1), held.flatten(1))))
     assert (led - plan)[:, :2].square().mean() < (free - plan)[:, :2].square().mean()
 
 

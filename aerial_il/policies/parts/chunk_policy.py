@@ -205,7 +205,8 @@ class ChunkPolicy:
         check_cameras(self.interface.layout, spec)
         spec = as_one_of(self.spec, spec)
         untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
-        across = ("robot",) if suits_other_robots(self.spec, self._seen) else ()
+        of_the_tool = self.interface.layout.relative and suits_other_robots(self.spec, self._seen)
+        across = ("robot",) if of_the_tool else ()
         differing = _restrict(self.spec, self._seen).differences(
             _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
         )

@@ -28,6 +28,6 @@ def chose_view(config: PolicySettings) -> bool:
 
 
 def suits_other_robots(spec: EnvSpec, seen: tuple[str, ...]) -> bool:
-    """Whether a policy that commands poses of the tool sees, of the robot in ``spec``, no more than its tool."""
+    """Whether a policy in the tool's own frame sees, of the robot in ``spec``, no more than its tool."""
     told = {field.name for field in spec.observation.of_group("proprio")}
-    return spec.action.level == "ee_pose" and not spec.is_outside and told & {*seen} <= {*OF_THE_TOOL}
+    return told & {*seen} <= {*OF_THE_TOOL}

@@ -123,8 +123,8 @@ def steering(
         interval_s = dt * max(1.0, (steps - 1) / max(1, len(moments) - 1))
         with torch.enable_grad():
             commanded = actions[:, moments, :POSE].detach().requires_grad_()
-            twice = (torch.cat([each, each]) for each in (commanded, start, moving))
-            reached, meant = both.reached(*twice, interval_s).chunk(2)
+            poses, begin, speed = (torch.cat([each, each]) for each in (commanded, start, moving))
+            reached, meant = both.reached(poses, begin, speed, interval_s).chunk(2)
             (grad,) = torch.autograd.grad((reached - meant).square().sum(), commanded)
         grad = torch.cat([_limited(grad[..., :3], MOST_M), _limited(grad[..., 3:], MOST_ROT6D)], -1)
         spread = functional.interpolate(grad.mT, size=steps, mode="linear", align_corners=True).mT

@@ -34,27 +34,17 @@ class Guide:
     """Leads B chunks of C numbers each, normalised.
 
     Attributes:
-        planned, held: (B, C) the plan, and how much each number of it is held, in [0, 1]; None for no plan.
+        plan: (B, C) what is planned, and (B, C) how much each number of it is held, in [0, 1]; None for no plan.
         steer: (B, C) -> (B, C) what the chunk is changed by once all noise is gone; None for no change.
     """
 
-    planned: Tensor | None = None
-    held: Tensor | None = None
+    plan: tuple[Tensor, Tensor] | None = None
     steer: Callable[[Tensor], Tensor] | None = None
 
     def __call__(self, denoise: Denoise, x: Tensor, signal: float, noise: float) -> Tensor:
         """Return the actions (B, C) that are led to at ``x`` (B, C), of which ``denoise`` tells them alone."""
-        clean = denoise(x) if self.planned is None else self._joined(denoise, x, signal, noise)
+        clean = _joined(denoise, x, signal, noise, *self.plan) if self.plan else denoise(x)
         return clean + signal**2 * self.steer(clean) if self.steer and signal**2 >= MOSTLY else clean
-
-    def _joined(self, denoise: Denoise, x: Tensor, signal: float, noise: float) -> Tensor:
-        with torch.enable_grad():
-            x = x.detach().requires_grad_()
-            clean = denoise(x)
-        wanted = self.held * (self.planned - clean.detach())
-        (pull,) = torch.autograd.grad(clean, x, wanted)
-        weight = min((signal**2 + noise**2) / signal, LIMIT) if signal else LIMIT
-        return clean.detach() + weight * pull
 
 
 def joining(interface: Interface, history: np.ndarray, plan: np.ndarray, known: np.ndarray, delay: int) -> Guide:
@@ -67,7 +57,8 @@ def joining(interface: Interface, history: np.ndarray, plan: np.ndarray, known: 
     """
     wanted = interface.encode_actions(plan.astype(np.float32), history)
     held = np.repeat(soft_mask(known, delay)[..., None], wanted.shape[-1], -1)
-    return Guide(*(tensor(each.reshape(len(plan), -1).astype(np.float32)) for each in (wanted, held)))
+    planned, kept = (tensor(each.reshape(len(plan), -1).astype(np.float32)) for each in (wanted, held))
+    return Guide(plan=(planned, kept))
 
 
 def soft_mask(known: np.ndarray, delay: int) -> np.ndarray:
@@ -75,3 +66,13 @@ def soft_mask(known: np.ndarray, delay: int) -> np.ndarray:
     step, end = np.arange(known.shape[1]), known.sum(1, keepdims=True)
     left = np.clip((end - step) / np.maximum(end - delay + 1, 1), 0.0, 1.0)
     return known * np.where(step < delay, 1.0, left * np.expm1(left) / (np.e - 1))
+
+
+def _joined(denoise: Denoise, x: Tensor, signal: float, noise: float, planned: Tensor, held: Tensor) -> Tensor:
+    """Return what ``denoise`` tells of ``x``, pulled to the plan as far as that is held."""
+    with torch.enable_grad():
+        x = x.detach().requires_grad_()
+        clean = denoise(x)
+    (pull,) = torch.autograd.grad(clean, x, held * (planned - clean.detach()))
+    weight = min((signal**2 + noise**2) / signal, LIMIT) if signal else LIMIT
+    return clean.detach() + weight * pull
