@@ -14,9 +14,9 @@ from aerial_il.core.composition import base_of
 from aerial_il.core.schema import FROM, Key, options
 
 _ORDER = (
-    "demo", "list", "view", "collect", "generate", "browse", "card", "judge", "merge", "split", "filter", "relabel",
-    "delete", "undo", "prefer", "train", "evaluate", "report", "compare", "replay", "validate", "recover", "convert",
-    "publish",
+    "demo", "list", "view", "collect", "segment", "generate", "browse", "card", "judge", "merge", "split", "filter",
+    "relabel", "delete", "undo", "prefer", "train", "evaluate", "export", "report", "compare", "replay", "validate",
+    "recover", "convert", "publish",
 )  # fmt: skip
 _WIDTH, _COLUMNS = 34, 120
 

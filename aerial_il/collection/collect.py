@@ -26,6 +26,7 @@ from aerial_il.core.contracts import (
     intervention_of,
     label_of,
     made_of,
+    objection_of,
     phase_names_of,
     phase_of,
 )
@@ -111,8 +112,9 @@ def collect(
 
     Each world flies until its first success (unless ``env.ends_at_success`` is False), a crash, the loss of its object
     or the time limit. Successes go to ``demos/``, all others, labelled so, to ``failures/``; where the object was lost,
-    the outcome has the note ``dropped``. Files are equal byte for byte whatever the number of worlds, processes and
-    restarts, as long as the policy treats each row of a batch alike.
+    the outcome has the note ``dropped``, and where the policy objects to a success, what it says. Files are equal byte
+    for byte whatever the number of worlds, processes and restarts, as long as the policy treats each row of a batch
+    alike.
 
     Other threads write while the worlds fly; a world gets its next seed when the file of its last one has its name. So
     a kill at any moment costs each world at most one episode: no finished file is lost, and what was being flown or
@@ -304,9 +306,11 @@ class _Collector:
         dropped = result.info.get("dropped", np.zeros(self.env.num_envs, bool))
         phases, late = phase_of(self.policy, self.env.num_envs), self._cut_off(result.truncated)
         for world in np.flatnonzero(ended).tolist():
-            success = bool(result.info["success"][world] and not crash[world])
+            won = bool(result.info["success"][world] and not crash[world])
+            objection = objection_of(self.policy, world) if won else ""
+            success = won and not objection
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
-            note = DROPPED if dropped[world] else ""
+            note = DROPPED if dropped[world] else objection
             ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world])}
             why = failure_of(success=success, dropped=bool(dropped[world]), **ends)
             flown, told = self._flown(world, why, int(phases[world])), made_of(self.policy, world)

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from aerial_il.core.errors import InvalidValueError
 
@@ -91,6 +90,8 @@ def parse_yaml(name: object, text: str | bytes) -> Any:
     Raises:
         ValueError: it is none, or it has an alias, a tag, too much in it or too deep.
     """
+    import yaml  # an exported policy flies without
+
     try:
         _check_events(text)
         return yaml.load(text, Loader=yaml.CSafeLoader)
@@ -100,6 +101,8 @@ def parse_yaml(name: object, text: str | bytes) -> Any:
 
 def _check_events(text: str | bytes) -> None:
     """Refuse what would grow: an alias can double at every line, and a tag can ask for another type."""
+    import yaml
+
     depth = 0
     for number, event in enumerate(yaml.parse(text, Loader=yaml.CSafeLoader)):
         depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)

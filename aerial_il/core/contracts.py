@@ -259,6 +259,15 @@ class TracedPolicy(Policy, Protocol):
 
 
 @runtime_checkable
+class DemandingPolicy(Policy, Protocol):
+    """A policy that asks more of its flights than their task does."""
+
+    def objection(self, world: int) -> str:
+        """Return why the episode that succeeds in a world shall not count as a success; nothing if it shall."""
+        ...
+
+
+@runtime_checkable
 class Expert(PrivilegedPolicy, PhasedPolicy, LabellingPolicy, Protocol):
     """A demonstrator: it sees the simulator, works in named phases, and labels what it flies with what it meant."""
 
@@ -309,6 +318,11 @@ def intervention_of(policy: Policy, n: int) -> np.ndarray:
 def made_of(policy: Policy, world: int) -> dict[str, Any]:
     """Return what the flight of a world was made of; nothing for a policy that does not tell."""
     return dict(policy.made_of(world)) if isinstance(policy, TracedPolicy) else {}
+
+
+def objection_of(policy: Policy, world: int) -> str:
+    """Return why a success in a world shall not count; nothing for a policy that asks no more than the task."""
+    return policy.objection(world) if isinstance(policy, DemandingPolicy) else ""
 
 
 @runtime_checkable

@@ -16,6 +16,8 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.data.waypoints import LEVEL
 from aerial_il.experts.expert import led, turned_towards
 from aerial_il.experts.perturbation import Perturbation
+from aerial_il.generation.diversion import MOST_DISTURBED_M, Diversion
+from aerial_il.generation.force import ToolForce, pressing
 from aerial_il.generation.plan import Path, moved
 from aerial_il.generation.reach import beyond
 from aerial_il.generation.segments import Segment, cut
@@ -68,24 +70,35 @@ class Generator:
 
     Args:
         sources: flights to take from. select: which of them flies: any at ``random``, or the ``nearest``, whose things
-            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. seed: of both.
+            lay most like those of the episode. noise: strength of the perturbation, 0 to 1. disturbed: m, how far aside
+            flights are led as they begin, at most. most_force: N that tools may press with; None for any.
+            seed: of all that is drawn.
 
     Raises:
-        InvalidValueError: no such selection or noise.
+        InvalidValueError: no such selection, noise or disturbance.
     """
 
     def __init__(
-        self, sources: Sequence[Source], *, select: Select = "random", noise: float = 0.0, seed: int = 0
+        self,
+        sources: Sequence[Source],
+        *,
+        select: Select = "random",
+        noise: float = 0.0,
+        disturbed: float = 0.0,
+        most_force: float | None = None,
+        seed: int = 0,
     ) -> None:
         if select not in get_args(Select):
             raise InvalidValueError(f"select={select} is not one of {', '.join(get_args(Select))}.")
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
+        if not 0.0 <= disturbed <= MOST_DISTURBED_M:
+            raise InvalidValueError(f"disturbed lies between 0 and {MOST_DISTURBED_M:g} m, got {disturbed:g}.")
         self.sources, self.select, self.seed = list(sources), select, seed
         self._cut = [cut(source) for source in self.sources]
         names = dict.fromkeys(segment.name for segments in self._cut for segment in segments)
         self.phase_names = (TRANSIT, *names)
-        self.noise = noise
+        self.noise, self._disturbed, self._most_force = noise, disturbed, most_force
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
 
@@ -106,23 +119,32 @@ class Generator:
         self._worlds: list[_World | None] = [None] * env.num_envs
         self.phase = np.zeros(env.num_envs, int)
         self._wander = Perturbation(env.num_envs, self.noise, self.seed, name="generation noise")
+        self._diversion = Diversion(env.num_envs, self._disturbed, self.seed)
+        self._sensor = None if self._most_force is None else ToolForce(env.model_xml)
+        self._felt: list[list[float]] = [[] for _ in range(env.num_envs)]
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget what the worlds of ``mask`` (n,) bool, or all, were flying."""
         mask = np.ones(len(self._worlds), bool) if mask is None else np.asarray(mask, bool)
         for world in np.flatnonzero(mask):
-            self._worlds[world] = None
+            self._worlds[world], self._felt[world] = None, []
         self._wander.reset(mask)
+        self._diversion.reset(mask)
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return ``ee_pose`` actions (n, Da); the observation is ignored in favour of the simulator's state."""
         self._plan()
+        if self._sensor is not None:
+            for felt, state in zip(self._felt, self._env.get_state(), strict=True):
+                felt.append(self._sensor.at(state))
         bounds = self._spec.action
         rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
         self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
         action = self.expert_action.copy()
         share = np.where(self.phase == 0, NOISE_ON_THE_WAY, NOISE_AT_THINGS)
         action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
+        aside = self._diversion.sent(self._env.simulation.view.tool_pos, self._env.seeds)
+        action[:, :3] = np.where(np.isnan(aside), action[:, :3], aside)
         return bounds.clip(action)
 
     def beyond(self) -> list[str | None]:
@@ -143,10 +165,15 @@ class Generator:
         source, *segments = flown.told
         return {**source, "segments": segments}
 
+    def objection(self, world: int) -> str:
+        """Return why the flight of a world shall not count as a success: its tool pressed too hard; or nothing."""
+        pressed, most = pressing(self._felt[world]), self._most_force
+        return "" if most is None or pressed <= most else f"pressed with {pressed:.1f} N, more than {most:.1f} N"
+
     def _command(self, i: int, world: _World) -> np.ndarray:
         """Return the command of a world, the same until the tool has come to where it belongs."""
         tool = self._env.simulation.view.tool_pos[i]
-        if not world.arrived and np.linalg.norm(tool - world.way[0]) < NEAR_M:
+        if not world.arrived and not self._diversion.left[i] and np.linalg.norm(tool - world.way[0]) < NEAR_M:
             world.way.pop(0)
             world.arrived = not world.way
         self.phase[i] = world.phase if world.arrived else 0
@@ -192,20 +219,18 @@ class Generator:
         if world is None:
             chosen = self._chosen(seed, now)
             first, *left = self._cut[chosen]
-            return self._begun(first, left, state, now, [{"source": self.sources[chosen].uid}])
+            return self._begun(first, left, now, [{"source": self.sources[chosen].uid}])
         if world.attempts < ATTEMPTS and self._missed(world.flown, now):
-            again = self._begun(world.flown, world.left, state, now, world.told)
+            again = self._begun(world.flown, world.left, now, world.told)
             return replace(again, attempts=world.attempts + 1)
-        following = self._begun(world.left[0], world.left[1:], state, now, world.told)
+        following = self._begun(world.left[0], world.left[1:], now, world.told)
         return replace(following, opening=float(world.path.gripper[-1]))
 
-    def _begun(
-        self, segment: Segment, left: list[Segment], state: np.ndarray, now: Poses, told: list[dict[str, Any]]
-    ) -> _World:
+    def _begun(self, segment: Segment, left: list[Segment], now: Poses, told: list[dict[str, Any]]) -> _World:
         """Return a world that is to fly a segment, moved to where its thing is, with others ``left``."""
         scene, opening = self._scene, float(segment.gripper[0])
         path = self._moved(segment, now)
-        there = way(now.tool_pos[0], path.there[0], scene.boxes(state), scene.roots(segment.name, segment.carried))
+        there = way(now.tool_pos[0], path.there[0], scene.boxes(), scene.roots(segment.name, segment.carried))
         phase = self.phase_names.index(segment.name)
         return _World(left, segment, path, path.actions, phase, opening, there, [*told, _told(segment, path)])
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.waypoints import LEVEL
+from aerial_il.generation.cuts import Cut, cuts_by_hand
 from aerial_il.generation.things import Poses, Scene, Thing
 from aerial_il.suite.scenario import Scenario
 
@@ -27,6 +30,8 @@ class Source:
         uid: of the episode. spec: of its environment. things: of its scene. poses: (T + 1) where they were.
         pos: (T, 3) m, where the tool was sent, world. mat: (T, 3, 3) likewise, world from tool.
         gripper: (T,) opening that was commanded; 1 without a gripper.
+        phases: name of the phase that begins at a step; empty where none were recorded.
+        cuts: those that a person has said; None for those that are found.
     """
 
     uid: str
@@ -36,9 +41,16 @@ class Source:
     pos: np.ndarray
     mat: np.ndarray
     gripper: np.ndarray
+    phases: Mapping[int, str]
+    cuts: tuple[Cut, ...] | None = None
 
     def __len__(self) -> int:
         return len(self.pos)
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the things."""
+        return [thing.name for thing in self.things]
 
 
 def read_source(episode: Episode) -> Source:
@@ -65,7 +77,7 @@ def read_source(episode: Episode) -> Source:
     else:
         reached = np.minimum(np.arange(len(episode)) + 1 + round(AHEAD_S / spec.control_dt_s), len(episode))
         pos, mat = poses.tool_pos[reached], poses.tool_mat[reached]
-    return Source(episode.uid, spec, scene.things, poses, pos, mat, gripper)
+    return Source(episode.uid, spec, scene.things, poses, pos, mat, gripper, _phases(episode))
 
 
 def read_sources(episodes: Iterable[Episode]) -> list[Source]:
@@ -81,3 +93,37 @@ def read_sources(episodes: Iterable[Episode]) -> list[Source]:
     if len(tasks) > 1:
         raise InvalidValueError(f"Sources are of several tasks: {', '.join(tasks)}. Take those of one.")
     return sources
+
+
+def source_of(dataset: Dataset, uid: str) -> Source:
+    """Return a flight of a dataset as a source, cut by hand where it is.
+
+    Raises:
+        UnknownNameError: there is none of that name. InvalidValueError: nothing can be generated from it.
+        DemoError: it cannot be read, or its cuts.
+    """
+    if uid not in dataset.uids:
+        raise UnknownNameError("successful flight", uid, dataset.uids[:10])
+    (source,) = with_cuts([read_source(dataset[uid])], dataset.files)
+    return source
+
+
+def with_cuts(sources: Iterable[Source], files: Mapping[str, Path]) -> list[Source]:
+    """Return sources with the cuts by hand that lie beside their recordings.
+
+    Args:
+        files: uid -> recording, in a folder of a dataset's.
+
+    Raises:
+        DemoError: what lies there are no cuts.
+    """
+    said = dict[str, tuple[Cut, ...]]()
+    for folder in {file.parent.parent for file in files.values()}:
+        said |= cuts_by_hand(folder)
+    return [replace(source, cuts=said.get(source.uid)) for source in sources]
+
+
+def _phases(episode: Episode) -> dict[int, str]:
+    names, phase = episode.provenance.get("phases", ()), episode.phase
+    begun = [0, *(np.flatnonzero(np.diff(phase)) + 1).tolist()]
+    return {step: names[phase[step]] for step in begun if 0 <= phase[step] < len(names)}

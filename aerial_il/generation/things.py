@@ -89,9 +89,8 @@ class Scene:
         found = [self._pose(state) for state in states]
         return Poses(*(np.stack(values) for values in zip(*found, strict=True)))
 
-    def boxes(self, state: np.ndarray) -> Boxes:
-        """Return what is solid in a full state (S,)."""
-        self._move_to(state)
+    def boxes(self) -> Boxes:
+        """Return what is solid in the last state that was looked at."""
         return boxes(self.model, self._data)
 
     @property
@@ -111,7 +110,8 @@ class Scene:
 
     def _pose(self, state: np.ndarray) -> tuple[np.ndarray, ...]:
         data, joints = self._data, self._joints
-        self._move_to(state)
+        mujoco.mj_setState(self.model, data, state, SIGNATURE)
+        mujoco.mj_kinematics(self.model, data)
         has = joints >= 0
         positions = np.where(has, data.qpos[self.model.jnt_qposadr[joints]], 0.0)
         return (
@@ -123,10 +123,6 @@ class Scene:
             data.site_xpos[self._tool].copy(),
             data.site_xmat[self._tool].reshape(3, 3).copy(),
         )
-
-    def _move_to(self, state: np.ndarray) -> None:
-        mujoco.mj_setState(self.model, self._data, state, SIGNATURE)
-        mujoco.mj_kinematics(self.model, self._data)
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from aerial_il.core.renamed import moved
 if TYPE_CHECKING:
     from aerial_il.core.checkpoint import Checkpoint
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.exported import OnnxPolicy
     from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
     from aerial_il.policies.parts.network import PolicySettings
 
@@ -72,8 +73,8 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     return GatedPolicy.around(policy, saved, _rebuilt) if GATE in saved.config else policy
 
 
-def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy:
-    """Load a policy of ours, or one that lerobot has trained and saved.
+def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy | OnnxPolicy:
+    """Load a policy of ours, one that was exported, or one that lerobot has trained and saved.
 
     Raises:
         CheckpointError: there is none, or what there is has been cut or altered.
@@ -82,7 +83,14 @@ def load_any_policy(path: str | os.PathLike[str]) -> ChunkPolicy | LerobotPolicy
         from aerial_il.policies.parts.lerobot_checkpoint import LerobotPolicy
 
         return LerobotPolicy(found)
-    return load_policy(path)
+    return load_flying(path)
+
+
+def load_flying(path: str | os.PathLike[str]) -> ChunkPolicy | OnnxPolicy:
+    """Load a policy of ours, or one that was exported; raises as :func:`load_policy`."""
+    from aerial_il.policies.parts.exported import GRAPH, load_exported
+
+    return load_exported(Path(path)) if (Path(path) / GRAPH).is_file() else load_policy(path)
 
 
 def find_lerobot(path: Path) -> Path | None:

@@ -105,7 +105,7 @@ class ACTNetwork(ChunkNetwork):
         self.style = _Style(config, obs_size, action_size)
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
-        return self._plan(obs, obs.new_zeros(len(obs), self.config.latent) if noise is None else noise)
+        return self._plan(obs, obs.new_zeros(obs.shape[0], self.config.latent) if noise is None else noise)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         mean, log_std = self.style(obs, actions, valid)
@@ -117,7 +117,7 @@ class ACTNetwork(ChunkNetwork):
     def _plan(self, obs: Tensor, latent: Tensor) -> Tensor:
         tokens = torch.cat([self.hear(latent)[:, None], self.see(obs)], 1)
         memory = self.encoder(tokens + self.places)
-        return self.last(self.decoder(self.queries.expand(len(obs), -1, -1), memory))
+        return self.last(self.decoder(self.queries.expand(obs.shape[0], -1, -1), memory))
 
 
 class _Style(nn.Module):

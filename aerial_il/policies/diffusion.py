@@ -112,14 +112,14 @@ class DiffusionNetwork(ChunkNetwork):
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         actions, noise = hold_last(actions, valid), torch.randn_like(actions)
-        step = torch.randint(1, self.config.noise_steps + 1, (len(obs), 1), device=obs.device)
+        step = torch.randint(1, self.config.noise_steps + 1, (obs.shape[0], 1), device=obs.device)
         kept = self.get_buffer("kept")[step]
         noisy = kept.sqrt() * actions.flatten(1) + (1 - kept).sqrt() * noise.flatten(1)
         answer = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
         return functional.mse_loss(answer, self._target(actions.flatten(1), noise.flatten(1), kept)), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
-        noise = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
+        noise = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise
         x, *later = noise.split(self.columns, -1)
         seen, limit = self.denoiser.see(obs.flatten(1)), self.config.clip
         for i, (time, kept, kept_next) in enumerate(self._path):

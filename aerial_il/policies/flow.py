@@ -98,7 +98,7 @@ class FlowNetwork(ChunkNetwork):
         return functional.mse_loss(answer, actions if self.config.predict == "sample" else actions - noise), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
-        x = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise
+        x = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise
         seen, steps = self.denoiser.see(obs.flatten(1)), self.config.euler_steps
         for i in range(steps):
             if guide:
@@ -117,5 +117,5 @@ class FlowNetwork(ChunkNetwork):
 
 def some_times(obs: Tensor) -> Tensor:
     """Draw one time (B, 1) for each row of ``obs``; u ~ Beta(b, 1) is a uniform number to the power of 1/b."""
-    uniform = torch.rand(len(obs), 1, device=obs.device)
+    uniform = torch.rand(obs.shape[0], 1, device=obs.device)
     return LATEST * (1 - uniform ** (1 / BETA))

@@ -109,7 +109,7 @@ class LerobotDiffusionNetwork(ChunkNetwork):
         self.noise_size = config.horizon * action_size
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
-        start = obs.new_zeros(len(obs), self.noise_size) if noise is None else noise.clone()
+        start = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise.clone()
         return self.policy.diffusion.generate_actions(_batch(obs), noise=start.unflatten(1, self.shape))
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
@@ -122,4 +122,4 @@ class LerobotDiffusionNetwork(ChunkNetwork):
 
 def _batch(obs: Tensor) -> dict[str, Tensor]:
     """Return the vector (B, 1, D) as state, and the environment that tells nothing (B, 1, 1)."""
-    return {STATE: obs.flatten(1)[:, None], ENVIRONMENT: obs.new_zeros(len(obs), 1, 1)}
+    return {STATE: obs.flatten(1)[:, None], ENVIRONMENT: obs.new_zeros(obs.shape[0], 1, 1)}

@@ -1,4 +1,4 @@
-"""Edit the episodes of a dataset where they lie: delete some, correct their labels, take the last edit back."""
+"""Edit the episodes of a dataset where they lie: delete some, correct their labels, cut them, take it back."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from aerial_il.core.errors import InvalidValueError
 if TYPE_CHECKING:
     from aerial_il.data.curation.edits import Edit, Edits
     from aerial_il.data.curation.relabelling import Labels
+    from aerial_il.generation.source import Source
 
 log = logging.getLogger(__name__)
 
@@ -89,13 +90,47 @@ def relabel(settings: Relabel) -> Edit:
 
 
 def undo(settings: Undo) -> Edit:
-    """Take the last deletion or relabelling back, and return what it was."""
+    """Take the last deletion, relabelling or marking back, and return what it was."""
     from aerial_il.data.curation.edits import Edits
 
     with Edits.of(settings.dataset, progress=settings.progress) as edits:
         edit = edits.undo()
         _log(edits, "undo", edit)
         return edit
+
+
+def set_cuts(dataset: str, source: Source, words: Sequence[str]) -> Edit:
+    """Keep where a flight is to be cut for ``aerial-il generate``, and return what was done.
+
+    Args:
+        dataset: folder of recordings. source: one of its flights. words: its cuts as they are typed; ``phases``, as
+            found, at the nearest change of a phase; or ``found``.
+
+    Raises:
+        InvalidValueError, UnknownNameError: it cannot be cut so, or the folder is not ours.
+    """
+    from aerial_il.data.curation.edits import Edits
+    from aerial_il.generation.cuts import COLUMN, text_of
+    from aerial_il.generation.moves import read_cuts
+
+    cuts = None if list(words) == ["found"] else text_of(read_cuts(source, words))
+    with Edits.of(dataset) as edits:
+        edits.finish()
+        edit = edits.mark(COLUMN, {source.uid: cuts}, f"uid == {source.uid!r}")
+        _log(edits, "segment", edit)
+        return edit
+
+
+def undo_cuts(dataset: str) -> Edit:
+    """Take the last edit of a dataset back if it was one of cuts, and return what it was."""
+    from aerial_il.data.curation.edits import Edits
+
+    with Edits.of(dataset) as edits:
+        last = edits.last()
+    if last is not None and last.marks is None:
+        what = f"{last.count} episodes were {last.what}"
+        raise InvalidValueError(f"The last edit is no cut: {what}. Take it back: aerial-il undo {dataset}")
+    return undo(Undo(dataset=dataset, progress=False))
 
 
 def edit_marked(dataset: str, *, what: str, uids: Sequence[str] = (), labels: Mapping[str, Any] | None = None) -> str:
@@ -111,7 +146,7 @@ def edit_marked(dataset: str, *, what: str, uids: Sequence[str] = (), labels: Ma
 
     if what == "undo":
         edit = undo(Undo(dataset=dataset, progress=False))
-        return f"{len(edit.episodes)} episodes are back as they were."
+        return f"{edit.count} episodes are back as they were."
     if what not in ("delete", "relabel"):
         raise InvalidValueError(f"{what!r} is not one of delete, relabel, undo.")
     digest = hashlib.sha256("\n".join(sorted(map(str, uids))).encode()).hexdigest()[:8]
@@ -151,6 +186,7 @@ def _edit(settings: Delete | Relabel, labels: Labels | None, uids: Sequence[str]
 
 def _log(edits: Edits, what: str, edit: Edit) -> None:
     """Note an edit beside the runs that recorded the episodes."""
-    made = {"edit": what, "number": edit.number, "where": edit.where, "episodes": len(edit.episodes)}
+    made = {"edit": what, "number": edit.number, "where": edit.where, "episodes": edit.count}
     given = {"labels": edit.labels.given} if edit.labels else {}
+    given |= {edit.marks.column: dict(edit.marks.after)} if edit.marks else {}
     edits.folder.log({**made, **given, "ended": datetime.now(UTC).isoformat(timespec="seconds")})

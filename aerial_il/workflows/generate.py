@@ -6,8 +6,9 @@ import logging
 from collections import Counter
 from contextlib import closing
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
+from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import MaybeRobot, MaybeTier, at_least
 from aerial_il.workflows.parts.shards import shards_of
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from aerial_il.suite.batch import BatchEnvironment
 
 log = logging.getLogger(__name__)
-POLICY = "generated"
+POLICY, WRIST = "generated", "wrist"
 LONGEST, SPARE_STEPS = 3, 250  # a flight is cut off after so many times its longest source, and that
 
 
@@ -36,6 +37,9 @@ class Generate:
         seed: first seed; evaluations start at 10000.
         select: which source a flight is made of: random, or nearest, whose things lay most alike.
         noise: perturbation of the commands, from 0 (none) to 1; what is learned from is the command without it.
+        disturbed: m, how far aside flights are led in their first second at most; what is learned from is the way back.
+        force: a flight is a failure whose tool presses with more than so many times what the sources' does (null: none
+            is); of both, the 95th percentile while it touches anything.
         cameras: cameras to record: scene, wrist, base.
         image_size: height and width of their images.
         mix: add to a dataset of another tier, flight law, pilot or settings.
@@ -54,6 +58,8 @@ class Generate:
     seed: int = 0
     select: Literal["random", "nearest"] = "random"
     noise: float = 0.0
+    disturbed: float = 0.0
+    force: float | None = None
     cameras: tuple[str, ...] = ()
     image_size: tuple[int, int] = (240, 320)
     mix: bool = False
@@ -63,7 +69,9 @@ class Generate:
     progress: bool = True
 
     def __post_init__(self) -> None:
-        at_least(self, sources=1, episodes=1, seed=0, noise=0.0, num_envs=1, threads=0, shard=1)
+        if self.force is not None:
+            require_positive(self, "force")
+        at_least(self, sources=1, episodes=1, seed=0, noise=0.0, disturbed=0.0, num_envs=1, threads=0, shard=1)
 
 
 def generate(settings: Generate) -> str:
@@ -74,16 +82,23 @@ def generate(settings: Generate) -> str:
     """
     from aerial_il.collection.collect import collect
     from aerial_il.core.rendering import require_rendering
+    from aerial_il.data.curation.derived import check_out
     from aerial_il.generation.generator import Generator
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
-    _check_place(settings)
+    check_out(settings.out, [settings.dataset])  # before anything is read
     if settings.cameras:
         require_rendering(f"cameras=[{','.join(settings.cameras)}]")
     sources = _sources(settings)
     spec = sources[0].spec
-    policy = Generator(sources, select=settings.select, noise=settings.noise)
+    policy = Generator(
+        sources,
+        select=settings.select,
+        noise=settings.noise,
+        disturbed=settings.disturbed,
+        most_force=_most_force(settings, sources),
+    )
     where = EnvironmentReference(
         robot=settings.robot or spec.robot,
         task=spec.task,
@@ -92,14 +107,15 @@ def generate(settings: Generate) -> str:
         cameras=settings.cameras,
         image_size=settings.image_size,
     )
-    made_of = {"sources": [source.uid for source in sources], "select": settings.select, "noise": settings.noise}
     longest = LONGEST * max(map(len, sources)) + SPARE_STEPS
     with closing(where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)) as env:
         _look_ahead(env, policy, settings)
+        if WRIST in settings.cameras:
+            _look_through(env, sources, settings)
         done = collect(
             env, policy, range(settings.seed, settings.seed + settings.episodes), settings.out,
-            policy_name=POLICY, settings=made_of, longest=min(longest, env.spec.max_steps), mix=settings.mix,
-            progress=settings.progress,
+            policy_name=POLICY, settings=_made_of(settings, sources), longest=min(longest, env.spec.max_steps),
+            mix=settings.mix, progress=settings.progress,
         )  # fmt: skip
         remember(done, env.spec)
     if done.failures and not done.demos:
@@ -126,6 +142,38 @@ def _look_ahead(env: BatchEnvironment, policy: Generator, settings: Generate) ->
     log.warning("%s They are flown all the same, and kept as failures if they fail.", share)
 
 
+def _look_through(env: BatchEnvironment, sources: list[Source], settings: Generate) -> None:
+    """Say how much of what is dealt with the camera beside the tool will see."""
+    from aerial_il.generation.sight import in_view
+
+    height, width = settings.image_size
+    shares = in_view(env.model, WRIST, width / height, sources)
+    told = ", ".join(f"{name} in {100 * share:.0f} %" for name, share in shares.items())
+    log.info("In view of the camera %s: %s of the steps about it.", WRIST, told)
+
+
+def _most_force(settings: Generate, sources: list[Source]) -> float | None:
+    """Return what tools may press with, N, by what they do in the sources; None for any."""
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.generation.force import pressing_in
+
+    if settings.force is None:
+        return None
+    pressed = pressing_in(open_dataset(settings.dataset).only(source.uid for source in sources))
+    log.info("The sources press with %.1f N; up to %.1f N are allowed.", pressed, settings.force * pressed)
+    return settings.force * pressed
+
+
+def _made_of(settings: Generate, sources: list[Source]) -> dict[str, Any]:
+    """Return what tells flights made in one way from others, as JSON values."""
+    from aerial_il.generation.cuts import text_of
+
+    made = {"sources": [source.uid for source in sources], "select": settings.select, "noise": settings.noise}
+    cuts = {source.uid: text_of(source.cuts) for source in sources if source.cuts is not None}
+    further = {"disturbed": settings.disturbed, "force": settings.force, "cuts": cuts}
+    return made | {name: value for name, value in further.items() if value}
+
+
 def shards(settings: Generate) -> list[tuple[tuple[str, ...], str]]:
     """Return, for each part of the seeds, the words that choose it and a folder for its log."""
     seeds = range(settings.seed, settings.seed + settings.episodes)
@@ -138,10 +186,11 @@ def _sources(settings: Generate) -> list[Source]:
 
     from aerial_il.data.dataset import open_dataset
     from aerial_il.generation.segments import cut
-    from aerial_il.generation.source import read_sources
+    from aerial_il.generation.source import read_sources, with_cuts
 
-    flights = (episode for episode in open_dataset(settings.dataset) if episode.success)
-    sources = read_sources(islice(flights, settings.sources))
+    dataset = open_dataset(settings.dataset)
+    flights = (episode for episode in dataset if episode.success)
+    sources = with_cuts(read_sources(islice(flights, settings.sources)), dataset.files)
     if settings.sources and len(sources) < settings.sources:
         raise InvalidValueError(
             f"{settings.dataset} has {len(sources)} successful demonstrations; sources={settings.sources} asks for "
@@ -152,17 +201,6 @@ def _sources(settings: Generate) -> list[Source]:
             parts = ", ".join(f"{len(each) * source.spec.control_dt_s:.1f} s at {each.name}" for each in cut(source))
             log.info("%s: %s.", source.uid, parts)
     return sources
-
-
-def _check_place(settings: Generate) -> None:
-    """Refuse to write among the sources, or among what is somebody else's, before anything is read."""
-    from os.path import realpath
-
-    from aerial_il.data.folder import DatasetFolder
-
-    if realpath(settings.out) == realpath(settings.dataset):
-        raise InvalidValueError(f"out={settings.out} is where the sources are: name another folder.")
-    DatasetFolder(settings.out).require_own()
 
 
 def _advice(sources: list[Source], settings: Generate) -> str:

@@ -3,8 +3,9 @@
 Seeds 20000 to 29999 are reserved: the studies judge on them, with the settings that are shipped. Seeds from 10000 on
 judged earlier redesigns and are worn. Seeds 5000 to 5999 are for trials.
 
-What a study may change and still judge is how much it measures and of what: whole numbers, names. Policies, algorithms
-and real numbers, such as the noise of a demonstrator, are settings that something can be tuned by.
+What a study may change and still judge is how much it measures and of what: names, and the numbers in :data:`COUNTS`.
+Policies, algorithms and all other numbers, such as the noise of a demonstrator or the rounds that it flies, are
+settings that something can be tuned by.
 """
 
 from __future__ import annotations
@@ -17,6 +18,14 @@ from aerial_il.core.errors import InvalidValueError
 
 EVALUATION_SEED, TUNING_SEEDS = 20_000, range(5_000, 6_000)
 RESERVED = range(EVALUATION_SEED, 30_000)
+# Counts of demonstrations, trainings and evaluations, and what they are flown with: results do not depend on that.
+COUNTS = frozenset(
+    (
+        "demos", "few", "many", "watched", "flights", "trajectories", "suite_demos", "poor_demos", "first", "sizes",
+        "draws", "seeds", "controls", "others", "pushes", "episodes", "first_episode", "curve_episodes", "num_envs",
+        "threads",
+    )
+)  # fmt: skip
 
 
 def check_seeds(first_episode: int, episodes: int) -> None:
@@ -57,10 +66,16 @@ def _changed_methods(study: Any) -> Iterator[str]:
     shipped = type(study)()
     for name in (each.name for each in fields(study)):
         mine, own = getattr(study, name), getattr(shipped, name)
-        if (is_dataclass(own) or isinstance(own, float)) and mine != own:
+        if (is_dataclass(own) or (_is_number(own) and name not in COUNTS)) and mine != own:
             yield name
         elif isinstance(own, Mapping) and isinstance(mine, Mapping):
             yield from (f"{name}.{k}" for k, v in mine.items() if _is_method(v) and v != own.get(k))
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a setting is a number or several."""
+    numbers = value if isinstance(value, tuple) and value else (value,)
+    return all(isinstance(n, int | float) and not isinstance(n, bool) for n in numbers)
 
 
 def _is_method(value: Any) -> bool:

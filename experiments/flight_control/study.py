@@ -1,7 +1,7 @@
 """Flying a bare quadrotor: reinforcement learning that commands thrust and body rates, beside tuned flight laws.
 
-Proximal policy optimisation and soft actor-critic learn to hover, to take off and to land in gusts, from the
-environment's dense reward and without a demonstration. PID, LQR and geometric control fly the same episodes, told what
+Proximal policy optimisation learns to hover, to take off and to land in gusts, from the environment's dense reward and
+without a demonstration. PID, LQR and geometric control fly the same episodes, told what
 to do by the scripted experts, and the same manoeuvres, with the target for their reference. Every stage is kept by all
 that decides it: killed at any moment, the same call continues.
 """
@@ -19,7 +19,6 @@ import numpy as np
 
 import aerial_il
 from aerial_il.algorithms.ppo import PPO
-from aerial_il.algorithms.sac import SAC
 from aerial_il.core.composition import build
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
@@ -60,16 +59,15 @@ from experiments.flight_control.tables import (
     manoeuvre_tables,
 )
 
-LAWS, LEARNERS, TASKS = ("pid", "lqr", "geometric", "geometric_observer"), ("ppo", "sac"), ("hover", "take_off", "land")
+LAWS, LEARNERS, TASKS = ("pid", "lqr", "geometric", "geometric_observer"), ("ppo",), ("hover", "take_off", "land")
 HOVER, OWN_TIER, TIERS = "hover", "gusts", ("calm", "gusts")
 WANTED_PERCENT = 90.0  # of flights by the best learner, on each task in gusts
 MANOEUVRES = "manoeuvres.json"
 NOTES = (
     "Learners are paid by the environment's dense reward, have no demonstration and command collective thrust and body "
     "rates 50 times a second, which the vehicle follows 250 times a second; they have learned in gusts. Trainings "
-    "differ in weights and in the episodes they fly. sac flies far fewer steps, in about the same time, and is "
-    "trained less often; ppo has a smaller entropy bonus in `land`. Judged is the final policy. Laws command the "
-    "rotors 250 times a second; the scripted expert of the task tells them where to go.",
+    "differ in weights and in the episodes they fly; the entropy bonus is smaller in `land`. Judged is the final "
+    "policy. Laws command the rotors 250 times a second; the scripted expert of the task tells them where to go.",
     "Manoeuvres, all of `hover`: the mean of all seeds, of each training by itself and then of the trainings. Laws "
     "have the target for their reference, which jumps with it; no planner smooths the way. Forward 40 cm, up 30 cm, "
     "heading 30°, attitude: set at rest to a roll of 30°. Settling: to within 10 % for good. Push: a blow that "
@@ -111,14 +109,6 @@ ON_POLICY = build(
         "cadence": {"evaluate_every": 500_000, "checkpoint_every": 500_000, "keep_checkpoints": 1},
     },
 )  # fmt: skip
-OFF_POLICY = build(
-    SAC,
-    {
-        "steps": 300_000, "warmup": 5_000, "gamma": 0.98, "lr": 0.001, "lr_floor": 0.05, "obs_norm": True,
-        "replay": {"updates_per_step": 0.25}, "critics": {"hidden": (128, 128)},
-        "cadence": {"evaluate_every": 50_000, "checkpoint_every": 50_000, "keep_checkpoints": 1},
-    },
-)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,11 +116,10 @@ class FlightControl:
     """Settings.
 
     Attributes:
-        policy: what is trained. ppo, sac: how. learners: which of them. laws: flight laws.
-        action: level at which learners act. seeds: trainings of ``ppo`` on each task; sac_seeds: of ``sac``, which
-            takes longer.
-        entropy: weight of the entropy for ``ppo``, of tasks that need another one than the others.
-        horizon: steps of a learning episode. ppo_envs, sac_envs: worlds that learn.
+        policy: what is trained. ppo: how. learners: ``ppo``, or none. laws: flight laws.
+        action: level at which learners act. seeds: trainings on each task.
+        entropy: its weight for tasks that need another one than the others.
+        horizon: steps of a learning episode. ppo_envs: worlds that learn.
         episodes: unseen seeds that judge.
         first_episode: the first of them. curve_episodes: tuning seeds flown on the way.
         flights: worlds of a manoeuvre. threads: of the simulation; 0 for all cores.
@@ -141,16 +130,13 @@ class FlightControl:
 
     policy: SquashedGaussian = SEEING
     ppo: PPO = ON_POLICY
-    sac: SAC = OFF_POLICY
     learners: tuple[str, ...] = LEARNERS
     laws: tuple[str, ...] = LAWS
     action: str = "ctbr"
     seeds: int = 3
-    sac_seeds: int = 1
     entropy: Mapping[str, float] = field(default_factory=lambda: {"land": 0.003})
     horizon: int = 200
     ppo_envs: int = 64
-    sac_envs: int = 16
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
     curve_episodes: int = 50
@@ -161,8 +147,8 @@ class FlightControl:
         for what, known in (("learners", LEARNERS), ("laws", LAWS), ("entropy", TASKS)):
             if unknown := set(getattr(self, what)) - set(known):
                 raise InvalidValueError(f"{what} names {sorted(unknown)}; valid: {', '.join(known)}.")
-        if min(self.seeds, self.sac_seeds, self.episodes) < 1 or self.flights < 2:
-            raise InvalidValueError("seeds, sac_seeds and episodes start at 1, flights at 2.")
+        if min(self.seeds, self.episodes) < 1 or self.flights < 2:
+            raise InvalidValueError("seeds and episodes start at 1, flights at 2.")
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Train, judge and fly what ``folder`` does not hold yet; see :class:`Study`."""
@@ -181,17 +167,15 @@ class FlightControl:
 
     def trainings_of(self, task: str, learner: str) -> list[Training]:
         """Return the trainings of a learner on a task."""
-        seeds = self.seeds if learner == "ppo" else self.sac_seeds
-        return [Training(task, learner, seed) for seed in range(seeds)]
+        return [Training(task, learner, seed) for seed in range(self.seeds)]
 
     def _work(self) -> list[tuple[Training | tuple[str, str], str]]:
         """Return what is judged: a training's policy or a (task, law), and in which tier."""
         return [*product(self.trainings(), TIERS), *product(product(TASKS, self.laws), TIERS)]
 
-    def learner(self, training: Training) -> Any:
+    def learner(self, training: Training) -> PPO:
         """Return the algorithm of a training."""
-        own = {"entropy": self.entropy[training.task]} if training.task in self.entropy else {}
-        return replace(self.ppo, **own) if training.algorithm == "ppo" else self.sac
+        return replace(self.ppo, entropy=self.entropy.get(training.task, self.ppo.entropy))
 
     def run_of(self, training: Training, record: Record) -> Path:
         """Return the folder of a training."""
@@ -204,12 +188,9 @@ class FlightControl:
             "action": self.action,
             "algorithm": without_cadence(self.learner(training)),
             "policy": described(self.policy),
-            "worlds": self._worlds(training),
+            "worlds": self.ppo_envs,
             "horizon": self.horizon,
         }
-
-    def _worlds(self, training: Training) -> int:
-        return self.ppo_envs if training.algorithm == "ppo" else self.sac_envs
 
     def _judged(self, flier: Training | tuple[str, str], tier: str, record: Record, progress: bool) -> EvaluationResult:
         """Return the kept evaluation of a policy or a law, or fly and keep it."""
@@ -234,7 +215,7 @@ class FlightControl:
             return load_policy(run)
         tuning = range(TUNING_SEEDS.start, TUNING_SEEDS.start + self.curve_episodes)
         env = aerial_il.load_batch(
-            ROBOT, training.task, num_envs=self._worlds(training), tier=OWN_TIER, action=self.action,
+            ROBOT, training.task, num_envs=self.ppo_envs, tier=OWN_TIER, action=self.action,
             horizon=self.horizon, num_threads=self.threads,
         )  # fmt: skip
 

@@ -34,6 +34,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "convert": [["demos"]],
     "delete": [["demos", "where=seed == 3"]],
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
+    "export": [["policy", "out=exported"], ["run", "out=exported"]],
     "filter": [["demos", "where=seed < 2", "out=kept"]],
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
@@ -48,6 +49,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "report": [["run"], ["policy"]],
     "reward": [["run", "dataset=demos"]],
     "runs": [[".", "page=true", "compare=true"], ["run", "json=true"]],
+    "segment": [["demos", "page=false"]],
     "split": [["demos", "parts=[a=0.5,b=0.5]", "out=split"]],
     "train": [
         ["from=run", "run=new"],

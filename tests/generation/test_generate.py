@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.table import CACHE
+from aerial_il.generation.diversion import STEPS
 from aerial_il.workflows.info import Info, info
 
 Shown = Callable[[str], Path]
@@ -74,6 +75,31 @@ def test_labels_are_the_commands_without_noise(shown: Shown, tmp_path: Path) -> 
         assert apart[:, 3:].max() < 1e-6
 
 
+def test_flights_are_led_aside_and_shown_the_way_back(shown: Shown, tmp_path: Path) -> None:
+    assert generate(shown("insert_peg"), tmp_path / "aside", "disturbed=0.3", "episodes=4") == 0
+    flights = list(open_dataset(tmp_path / "aside"))
+    assert len(flights) >= 3
+    farthest = []
+    for flight in flights:
+        apart = np.linalg.norm(flight.executed_actions[:, :3] - flight.expert_actions[:, :3], axis=1)
+        assert apart[:STEPS].max() > 0.05
+        assert apart[STEPS:].max() < 1e-6
+        tool = flight.obs["ee_pos"]
+        farthest.append(np.linalg.norm(tool[STEPS] - tool[0]))
+    assert max(farthest) > 0.1
+    assert max(farthest) < 0.35
+
+
+def test_a_flight_that_presses_too_hard_is_a_failure_and_says_so(shown: Shown, tmp_path: Path) -> None:
+    for force, kept in (("2", 4), ("0.2", 0)):
+        out = tmp_path / force
+        assert generate(shown("open_door"), out, f"force={force}", "episodes=4") == 0
+        flights = list(open_dataset(out, failures=True))
+        assert sum(flight.success for flight in flights) == kept
+        assert all("more than" in flight.provenance["note"] for flight in flights if not flight.success)
+    assert main(["info", str(out), "where='pressed with' in note"]) == 0
+
+
 def test_it_is_the_same_however_many_worlds_and_goes_on(
     shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -103,6 +129,9 @@ def test_what_was_generated_is_known_to_info(shown: Shown, tmp_path: Path) -> No
         (["sources=2"], "has 1 successful demonstrations; sources=2 asks for more"),
         (["select=best"], "is not one of random, nearest"),
         (["noise=2"], "noise lies between 0 and 1"),
+        (["disturbed=0.6"], "disturbed lies between 0 and 0.5 m, got 0.6"),
+        (["disturbed=-0.1"], "disturbed=-0.1 is too small"),
+        (["force=0"], "force is 0"),
         (["episodes=0"], "episodes=0 is too small"),
         (["robot=quad"], "quad cannot do pick_place"),
     ],
@@ -117,5 +146,5 @@ def test_bad_words_are_answered(
 def test_the_sources_stay_as_they_are(shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = files(shown("pick_place"))
     assert generate(shown("pick_place"), shown("pick_place")) == 2
-    assert "is where the sources are" in capsys.readouterr().err
+    assert "is where the episodes of" in capsys.readouterr().err
     assert files(shown("pick_place")) == before

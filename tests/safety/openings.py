@@ -11,12 +11,13 @@ from tests.safety.hostile import Sound
 
 CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "columns", "format", "controls", "devices", "env", "evaluate_tier",
+    "action", "cameras", "certificate", "columns", "cuts", "format", "controls", "devices", "env", "evaluate_tier",
     "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
-    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "viewer", "where",
+    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "uid", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
-    ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("publish", "out"), ("report", "out"),
+    ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("export", "out"), ("publish", "out"),
+    ("report", "out"),
     ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
@@ -51,6 +52,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("delete", "dataset"): ["where=steps >= 0", QUIET],
         ("evaluate", "policy"): [ENV, "out=judged", *judged],
         ("evaluate", "out"): [ENV, f"policy={sound.run}", *judged],
+        ("export", "policy"): ["out=exported"],
+        ("export", "evaluation"): [f"policy={sound.run}", "out=exported"],
         ("filter", "dataset"): ["where=steps >= 0", "out=kept", QUIET],
         ("filter", "out"): [dataset, "where=steps >= 0", QUIET],
         ("generate", "dataset"): ["out=made", *FLOWN],
@@ -75,6 +78,7 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("runs", "folder"): ["page=true", "where=state!=nowhere", "prune=trash"],
         ("prefer", "dataset"): ["length=2", "pairs=1", "out=said.jsonl", QUIET],
         ("prefer", "out"): [dataset, "length=2", "pairs=1", QUIET],
+        ("segment", "dataset"): ["page=false"],
         ("split", "dataset"): ["out=parts", QUIET],
         ("split", "out"): [dataset, QUIET],
         ("teleop", "policy"): ["robot=quad", "task=hover", "out=by_hand", "open=false", "port=0"],

@@ -18,7 +18,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
-from aerial_il.policies.parts.chunk_policy import UNIMPORTANT
+from aerial_il.policies.parts.flying import UNIMPORTANT
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicySettings
 

@@ -1,4 +1,4 @@
-"""Edits of a dataset's own folder that can be taken back: episodes deleted, or recorded anew with other labels.
+"""Edits of a dataset's own folder that can be taken back: episodes deleted, recorded anew with other labels, or marked.
 
 Before anything changes, ``trash/N/edit.json`` says what is going to. Then the index leaves the episodes out, and
 their files go to ``trash/N/``, one rename each, so that what a killed process leaves is known, and the next edit
@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import DemoError, InvalidValueError
@@ -25,6 +25,7 @@ from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, DatasetFolder
 from aerial_il.data.recording.reader import read_head
 from aerial_il.data.recording.scan import scan
 from aerial_il.data.recording.writer import part_of, storing
+from aerial_il.data.table import FURTHER, read_columns, write_column
 
 TRASH, NOTE = "trash", "edit.json"
 State = Literal["started", "done", "undoing"]
@@ -40,12 +41,22 @@ class Moved:
 
 
 @dataclass(frozen=True)
+class Marks:
+    """Values of a further column: uid -> as it was, and as it is said; None for none."""
+
+    column: str
+    before: Mapping[str, Any]
+    after: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Edit:
     """One edit as its note says it.
 
     Attributes:
         number: of the edits, from 1 on. state: how far it is. where: which episodes were asked for.
-        labels: what they are given; None where they are deleted. episodes: by uid.
+        labels: what they are given; None where they are deleted, or marked. episodes: by uid, those that are moved.
+        marks: what is said of them instead; None where they are deleted or relabelled.
     """
 
     number: int
@@ -53,6 +64,19 @@ class Edit:
     where: str
     labels: Labels | None
     episodes: Mapping[str, Moved] = field(repr=False)
+    marks: Marks | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of the episodes that it is about."""
+        return len(self.episodes if self.marks is None else self.marks.after)
+
+    @property
+    def what(self) -> str:
+        """What was done to them, in a word or two."""
+        if self.marks is not None:
+            return f"given other {self.marks.column}"
+        return "deleted" if self.labels is None else "relabelled"
 
     @property
     def asked(self) -> tuple[str, Labels | None]:
@@ -75,7 +99,9 @@ class Edit:
                 raise ValueError("its state or its folders are none")
             if labels is not None:
                 labels.require_types()
-            return Edit(int(path.parent.name), raw["state"], str(raw["where"]), labels, episodes)
+            said = raw.get("marks")
+            marks = Marks(str(said["column"]), dict(said["before"]), dict(said["after"])) if said else None
+            return Edit(int(path.parent.name), raw["state"], str(raw["where"]), labels, episodes, marks)
         except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
             raise DemoError(path, f"is no note of an edit ({error}).") from error
 
@@ -102,7 +128,7 @@ class Edits:
         if not ((folder.path / INDEX).exists() or (folder.path / DEMOS).is_dir()):
             raise InvalidValueError(f"{path} is no dataset folder of recordings, and nothing else can be edited.")
         folder.require_own()
-        for name in (TRASH, *KINDS):
+        for name in (TRASH, FURTHER, *KINDS):
             if (folder.path / name).is_symlink():
                 raise InvalidValueError(f"{folder.path / name} is a link; nothing is moved through it.")
         handle = os.open(folder.path, os.O_RDONLY)
@@ -138,7 +164,7 @@ class Edits:
         Args:
             uids: of the folder. where: how they were asked for. labels: None to delete them.
         """
-        index, last, moved = self.folder.read_index(), self.last(), dict[str, Moved]()
+        index, moved = self.folder.read_index(), dict[str, Moved]()
         for uid in uids:
             file = self.folder.find(uid)
             assert file is not None
@@ -146,9 +172,16 @@ class Edits:
             if to not in (None, kind) and self.folder.file(uid, str(to)).exists():
                 raise InvalidValueError(f"{self.folder.path} has {uid} among its successes and its failures, too.")
             moved[uid] = Moved(kind, index.get(kind, {}).get(uid, ""), to)
-        edit = Edit(1 if last is None else last.number + 1, "started", where, labels, moved)
-        self._note(edit)
-        return self._forwards(edit)
+        return self._begun(where, labels, moved)
+
+    def mark(self, column: str, values: Mapping[str, Any], where: str) -> Edit:
+        """Give a further column other values.
+
+        Args:
+            column: its name. values: uid -> a plain value, or None for none. where: how they were asked for.
+        """
+        known = read_columns(self.folder.path).get(column, {})
+        return self._begun(where, None, {}, Marks(column, {uid: known.get(uid) for uid in values}, values))
 
     def undo(self) -> Edit:
         """Take the last edit back.
@@ -163,7 +196,24 @@ class Edits:
         self._note(edit)
         return self._backwards(edit)
 
+    def _begun(
+        self, where: str, labels: Labels | None, episodes: Mapping[str, Moved], marks: Marks | None = None
+    ) -> Edit:
+        last = self.last()
+        edit = Edit(1 if last is None else last.number + 1, "started", where, labels, episodes, marks)
+        self._note(edit)
+        return self._forwards(edit)
+
     def _forwards(self, edit: Edit) -> Edit:
+        if edit.marks is None:
+            self._put_away(edit)
+        else:
+            self._say(edit.marks.column, edit.marks.after)
+        done = replace(edit, state="done")
+        self._note(done)
+        return done
+
+    def _put_away(self, edit: Edit) -> None:
         spec, place = self._spec(edit), self._place(edit.number)
         self.folder.write_index(spec, leaving=edit.episodes.keys())
         for uid, moved in self._shown(edit, "delete" if edit.labels is None else "relabel"):
@@ -174,11 +224,29 @@ class Edits:
                 relabel(kept, target, edit.labels, edit.where, part=self.folder.file(uid, DEMOS))
         self._sync(place)
         self.folder.write_index(spec)
-        done = replace(edit, state="done")
-        self._note(done)
-        return done
 
     def _backwards(self, edit: Edit) -> Edit:
+        if edit.marks is None:
+            self._bring_back(edit)
+        else:
+            self._say(edit.marks.column, edit.marks.before)
+        place = self._place(edit.number)
+        (place / NOTE).unlink()
+        for folder in (*(place / kind for kind in KINDS), place, place.parent):
+            with suppress(OSError):  # something else lies there
+                folder.rmdir()
+        return edit
+
+    def _say(self, column: str, values: Mapping[str, Any]) -> None:
+        """Give a column other values, where they are None none."""
+        said = {**read_columns(self.folder.path).get(column, {}), **values}
+        kept = {uid: value for uid, value in said.items() if value is not None}
+        with storing(self.folder.path / FURTHER):
+            written = write_column(self.folder.path, column, kept)
+            if not kept:
+                written.unlink()
+
+    def _bring_back(self, edit: Edit) -> None:
         spec, place = self._spec(edit), self._place(edit.number)
         self.folder.write_index(spec, leaving=edit.episodes.keys())
         for uid, moved in self._shown(edit, "undo"):
@@ -195,11 +263,6 @@ class Edits:
                 self.folder.file(uid, str(moved.to)).unlink(missing_ok=True)
         self._sync(place)
         self.folder.write_index(spec, {uid: moved.sha256 for uid, moved in edit.episodes.items() if moved.sha256})
-        (place / NOTE).unlink()
-        for folder in (*(place / kind for kind in KINDS), place, place.parent):
-            with suppress(OSError):  # something else lies there
-                folder.rmdir()
-        return edit
 
     def _spec(self, edit: Edit) -> EnvSpec:
         """Return the specification of the folder, or of one of its episodes where it has no index."""

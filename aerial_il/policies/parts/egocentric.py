@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from aerial_il.core.specs import EnvSpec
 from aerial_il.policies.parts.network import PolicySettings
 
 OWN_POSE = ("base_pos", "base_rot6d", "joint_*", "ee_*")
-OF_THE_TOOL = ("ee_pos", "ee_rot6d", "gripper", "wrist_force")  # what robots tell that is alike on all of them
 DECISIONS = ("gripper", "wrist_force")  # what policies that clone do not see by default
 
 
@@ -25,9 +23,3 @@ def egocentric[C: PolicySettings](config: C) -> C:
 def chose_view(config: PolicySettings) -> bool:
     """Whether ``config`` says itself in which frame, or what of the robot, the policy sees."""
     return bool(config.obs_names) or config.relative or config.masked_fields != DECISIONS
-
-
-def suits_other_robots(spec: EnvSpec, seen: tuple[str, ...]) -> bool:
-    """Whether a policy in the tool's own frame sees, of the robot in ``spec``, no more than its tool."""
-    told = {field.name for field in spec.observation.of_group("proprio")}
-    return told & {*seen} <= {*OF_THE_TOOL}

@@ -111,7 +111,7 @@ class MixtureHead(Head):
         else:
             below = torch.cumsum(torch.softmax(logits, -1), -1) < torch.special.ndtr(noise)  # uniform in (0, 1)
             chosen = below.sum(-1).clamp(max=self.modes - 1)
-        return means[torch.arange(len(means), device=means.device), chosen]
+        return means[torch.arange(means.shape[0], device=means.device), chosen]
 
     def loss(self, features: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         logits, means, stds = self._distribution(features)

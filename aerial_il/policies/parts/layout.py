@@ -6,16 +6,19 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.specs import EnvSpec, Field
-from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations, turned
 from aerial_il.policies.parts.switches import Switches
+
+if TYPE_CHECKING:
+    from aerial_il.policies.parts.network import PolicySettings
 
 TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
 

@@ -19,7 +19,6 @@ from torch import Tensor
 from aerial_il.core.contracts import Observation
 from aerial_il.core.seeding import restarted
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.guiding import Guide
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of, with_state
 
@@ -61,11 +60,10 @@ class MaskedPolicy(ChunkPolicy):
         *,
         images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
-        guide: Guide | None = None,
     ) -> np.ndarray:
         rows = self._shown if worlds is None else self._shown[worlds]
         self._hiding.shown = torch.from_numpy(rows[:, None])
-        return super().predict(history, worlds, images=images, noise=noise, guide=guide)
+        return super().predict(history, worlds, images=images, noise=noise)
 
     def _drawn(self, rng: np.random.Generator) -> np.ndarray:
         layout = self.interface.layout

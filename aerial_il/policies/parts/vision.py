@@ -122,7 +122,8 @@ def _resnet18() -> tuple[list[nn.Module], int]:
 
 
 def _cropped(shape: tuple[int, ...], crop: float) -> tuple[int, int]:
-    return max(1, round(crop * shape[0])), max(1, round(crop * shape[1]))
+    height, width = map(int, shape[:2])  # of a graph that is traced they are tensors
+    return max(1, round(crop * height)), max(1, round(crop * width))
 
 
 def _check_size(name: str, size: tuple[int, int]) -> None:

@@ -22,7 +22,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.outcome import subtask_flags
 from aerial_il.experts.outside import load_expert
-from aerial_il.policies import find_lerobot, load_policy
+from aerial_il.policies import find_lerobot, load_flying
 from aerial_il.policies.parts import sb3_checkpoint
 from aerial_il.policies.parts.tasks import tasks_of
 from aerial_il.suite import outside
@@ -39,7 +39,7 @@ from aerial_il.workflows.parts.environments import (
 )
 
 if TYPE_CHECKING:
-    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.flying import FlyingPolicy
 
 log = logging.getLogger(__name__)
 EXPERT = "expert"
@@ -92,7 +92,7 @@ def pilot(
         return _pilot(made, source, _place(source, robot, task, action, env, chosen), chosen)
     if folder := find_lerobot(Path(source)):
         return _from_lerobot(source, folder, robot=robot, task=task, action=action)
-    policy = load_policy(source)
+    policy = load_flying(source)
     spec = policy.spec
     if note := tier_note(spec):
         log.warning("%s: %s It was trained under the older one.", source, note)
@@ -105,7 +105,7 @@ def pilot(
 
 
 def pilots_of(
-    policy: ChunkPolicy, source: str = "a policy in training", *, typed: str | None = None
+    policy: FlyingPolicy, source: str = "a policy in training", *, typed: str | None = None
 ) -> tuple[Pilot, ...]:
     """Return a policy with the environment that it was trained in, once for each of its tasks.
 
@@ -185,7 +185,7 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
     return _pilot(policy, source, where)
 
 
-def _cell(policy: ChunkPolicy, robot: str, task: str, action: str) -> EnvironmentReference:
+def _cell(policy: FlyingPolicy, robot: str, task: str, action: str) -> EnvironmentReference:
     """Return a cell with the cameras that ``policy`` looks through and the size of their images, all of them alike."""
     layout = policy.interface.layout
     if not layout.images:

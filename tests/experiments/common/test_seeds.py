@@ -13,7 +13,9 @@ from experiments.common.seeds import EVALUATION_SEED, check_seeds, check_untuned
 from experiments.dagger.study import Dagger
 from experiments.from_prior.study import FromPrior
 from experiments.generation.study import Generation
+from experiments.hg_dagger.study import HgDagger
 from experiments.imitation.study import Imitation
+from experiments.pixels.study import Pixels
 
 
 @pytest.mark.parametrize(("seed", "episodes"), [(0, 10), (5_990, 20), (10_000, 10), (19_999, 2), (29_999, 2)])
@@ -30,6 +32,8 @@ def test_evaluations_on_other_seeds_are_refused(seed: int, episodes: int) -> Non
         (Imitation, {"algorithms": {**Imitation().algorithms, "mlp": BC(lr=1e-4)}}, "bench.algorithms.mlp"),
         (Dagger, {"cloning": BC(steps=500)}, "bench.cloning"),
         (Generation, {"noise": 0.7}, "bench.noise"),
+        (HgDagger, {"rounds": 40}, "bench.rounds"),
+        (Pixels, {"image_size": (96, 96)}, "bench.image_size"),
         (FromPrior, {"suited": {"insert_peg": {"dapg": {"gamma": 0.9}}}}, "bench.suited.insert_peg"),
     ],
 )

@@ -11,6 +11,8 @@ from scipy.spatial import ConvexHull
 
 import aerial_il
 from aerial_il import robots
+from aerial_il.cli.main import main
+from aerial_il.data.dataset import open_dataset
 from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.parts.described import hull, model
 from aerial_il.robots.parts.described.arm import read_arm
@@ -70,6 +72,16 @@ def test_its_expert_solves_the_task_and_nothing_else_does(task: str) -> None:
 
 def test_it_picks_and_places_in_gusts() -> None:
     assert solved("gull", "pick_place", "gusts") >= 3
+
+
+def test_flights_of_another_robot_become_its_own(tmp_path: Path) -> None:
+    flown = ["expert.noise=0", "episodes=1", "seed=7", "progress=false", f"out={tmp_path / 'one'}"]
+    assert main(["collect", "robot=fa_hexa_arm4", "task=insert_peg", *flown]) == 0
+    made = ["episodes=8", "threads=1", "progress=false", f"out={tmp_path / 'many'}"]
+    assert main(["generate", f"dataset={tmp_path / 'one'}", "robot=gull", *made]) == 0
+    flights = list(open_dataset(tmp_path / "many"))
+    assert len(flights) >= 7
+    assert {flight.spec.robot for flight in flights} == {"gull"}
 
 
 def blob(count: int) -> np.ndarray:

@@ -11,28 +11,14 @@ Example: aerial-il train dataset=datasets/mixed algorithm=cpl algorithm.preferen
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from aerial_il.cli.greeting import greeting
 from aerial_il.workflows.prefer import Prefer, prefer
-
-if TYPE_CHECKING:
-    from aerial_il.workflows.parts.prefer_server import PreferServer
 
 SETTINGS, BARE = Prefer, ("dataset",)
 
 
 def run(settings: Prefer) -> None:
     """Judge, or serve the page until interrupted, and say what the file holds."""
-
-    def greet(server: PreferServer) -> None:
-        import webbrowser
-
-        from aerial_il.presentation.films.window import has_screen
-
-        print(f"Judge here: {server.url}\nCtrl-C ends it; the same command goes on.", flush=True)
-        if settings.open and has_screen():
-            webbrowser.open(server.url)
-
-    made = prefer(settings, greet)
+    made = prefer(settings, greeting("Judge", "; the same command goes on", open_page=settings.open))
     counts = ", ".join(f"{made.counts.get(name, 0)} {name}" for name in ("left", "right", "equal"))
     print(f"{made.path}: {sum(made.counts.values())} pairs, {counts}.")

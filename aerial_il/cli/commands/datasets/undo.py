@@ -1,4 +1,4 @@
-"""Take the last delete or relabel of a dataset back: the very files return; again, the one before it.
+"""Take the last delete, relabel or segment of a dataset back: the very files return; again, the one before it.
 
 Example: aerial-il undo datasets/pick
 """
@@ -13,5 +13,4 @@ SETTINGS, BARE = Undo, ("dataset",)
 def run(settings: Undo) -> None:
     """Take it back, and say what it was."""
     edit = undo(settings)
-    what = "deleted" if edit.labels is None else "relabelled"
-    print(f"{settings.dataset}: {len(edit.episodes)} episodes are back that were {what} (where={edit.where}).")
+    print(f"{settings.dataset}: {edit.count} episodes are back that were {edit.what} (where={edit.where}).")

@@ -19,7 +19,11 @@ from aerial_il.cli.sweeps.job import Job
 from aerial_il.workflows import collect
 
 pytestmark = pytest.mark.usefixtures("no_commit")
-WORDS = ["collect", "robot=quad", "task=hover", "episodes=10", "seed=3", "num_envs=2", "progress=false"]
+PARTS = ["episodes=10", "seed=3", "num_envs=2", "progress=false"]
+FLOWN = {
+    "collect": ["collect", "robot=quad", "task=hover", *PARTS],
+    "generate": ["generate", "dataset=SHOWN", *PARTS],
+}
 
 
 def contents(folder: Path) -> dict[str, str]:
@@ -30,19 +34,33 @@ def contents(folder: Path) -> dict[str, str]:
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What one process records."""
-    folder = tmp_path_factory.mktemp("whole") / "ds"
-    assert main([*WORDS, f"out={folder}"]) == 0
-    return contents(folder)
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One flight to generate from."""
+    folder = tmp_path_factory.mktemp("shown") / "one"
+    words = ["task=press_button", "robot=fa_hexa_arm4", "episodes=1", "expert.noise=0", "progress=false"]
+    assert main(["collect", *words, f"out={folder}"]) == 0
+    return folder
 
 
 @pytest.mark.parametrize(
-    ("shard", "victims", "jobs"), [(6, {"seed=3"}, 2), pytest.param(4, {"seed=3", "seed=7"}, 3, marks=pytest.mark.slow)]
+    ("command", "shard", "victims", "jobs"),
+    [
+        ("collect", 6, {"seed=3"}, 2),
+        pytest.param("collect", 4, {"seed=3", "seed=7"}, 3, marks=pytest.mark.slow),
+        pytest.param("generate", 4, {"seed=3", "seed=7"}, 3, marks=pytest.mark.slow),
+    ],
 )
 def test_the_dataset_is_the_same_whoever_records_or_is_killed(
-    tmp_path: Path, whole: dict[str, str], monkeypatch: pytest.MonkeyPatch, shard: int, victims: set[str], jobs: int
+    tmp_path: Path,
+    shown: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    shard: int,
+    victims: set[str],
+    jobs: int,
 ) -> None:
+    typed = [word.replace("SHOWN", str(shown)) for word in FLOWN[command]]
+    assert main([*typed, f"out={tmp_path}/whole"]) == 0
     killed = set[str]()
 
     def start(job: Job, **limits: int) -> subprocess.Popen[bytes]:
@@ -56,9 +74,9 @@ def test_the_dataset_is_the_same_whoever_records_or_is_killed(
         return process
 
     monkeypatch.setattr(processes, "start", start)
-    assert main([*WORDS, f"out={tmp_path}/ds", f"shard={shard}", "launcher=processes", "launcher.jobs=2"]) == 0
+    assert main([*typed, f"out={tmp_path}/ds", f"shard={shard}", "launcher=processes", "launcher.jobs=2"]) == 0
     assert killed == victims
-    assert contents(tmp_path / "ds") == whole
+    assert contents(tmp_path / "ds") == contents(tmp_path / "whole")
     assert len(list((tmp_path / "ds" / ".shards").iterdir())) == jobs
 
 

@@ -1,0 +1,231 @@
+"""What flies chunks of actions in n worlds, whoever computes them: memory, anchoring, normalisation, limits.
+
+Nothing here needs more than NumPy, so that an exported policy flies where neither torch nor MuJoCo is installed.
+"""
+
+from __future__ import annotations
+
+import logging
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from aerial_il.core.contracts import BatchEnv, Observation
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
+from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
+from aerial_il.policies.parts.layout import Interface, check_cameras
+from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
+from aerial_il.policies.parts.prefixed import below, under
+from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
+
+log = logging.getLogger(__name__)
+UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
+UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
+
+
+class Execution(Protocol):
+    """How chunks are flown; see :class:`~aerial_il.policies.parts.network.PolicySettings`."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def history(self) -> int: ...
+    @property
+    def chunk(self) -> int: ...
+    @property
+    def execute(self) -> int: ...
+    @property
+    def ensemble(self) -> float | None: ...
+
+
+OF_THE_TOOL = ("ee_pos", "ee_rot6d", "gripper", "wrist_force")  # what robots tell that is alike on all of them
+ANY_ROBOT = " A policy that sees the tool alone flies other robots too: train one with policy=diffusion_umi."
+
+
+class FlyingPolicy(ABC):
+    """Flies chunks of actions, which :meth:`answer` gives, in n worlds at once.
+
+    Args:
+        config: how chunks are flown.
+        interface: what the network is wired to.
+        noise_size, redraws: of the network, see :class:`~aerial_il.policies.parts.network.ChunkNetwork`.
+        origin: where the policy comes from (run, step, provenance), kept with it.
+    """
+
+    def __init__(
+        self,
+        config: Execution,
+        interface: Interface,
+        *,
+        noise_size: int,
+        redraws: bool,
+        origin: Mapping[str, Any] | None = None,
+    ) -> None:
+        self.config, self.interface, self.origin = config, interface, dict(origin or {})
+        self._history = ObservationHistory(config.history)
+        self._sights = {name: ObservationHistory(config.history) for name in interface.layout.images}
+        self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
+        self._noise = EpisodeNoise(noise_size, redraw=redraws)
+        self._worlds: int | None = None
+        self.task = self.spec.task
+        self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
+
+    @abstractmethod
+    def answer(self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None) -> np.ndarray:
+        """Return normalised chunks (B, Ta, Da) float32.
+
+        Args:
+            state: (B, To, Do) float32, normalised. images: by name, each (B, To, H, W, 3) uint8.
+            noise: (B, S) float32; None for a network without chance, or for its most ordinary answer.
+        """
+
+    @abstractmethod
+    def fresh(self) -> Self:
+        """Return the same policy, networks shared, with a memory of its own that is empty."""
+
+    def __repr__(self) -> str:
+        flown = f"{self.spec.robot}/{self.spec.task}"
+        return f"{type(self).__name__}({self.config.name} of {flown}, {', '.join(self.spec.observation.names)})"
+
+    @property
+    def spec(self) -> EnvSpec:
+        return self.interface.layout.spec
+
+    def act(self, obs: Observation) -> np.ndarray:
+        """Return actions (n, Da) within their bounds for observations ``name -> (n, ...)``.
+
+        Raises:
+            UnknownNameError: an observation field is missing.
+            InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
+            NonFiniteActionError: NaN or infinity in an observation or in the network's output.
+        """
+        obs = self._with_task({**obs, **{own: obs[name] for own, name in self._shown_for.items()}})
+        frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
+        self._count(len(frame))
+        history = self._history.push(frame)
+        seen = {name: sight.push(images[name]) for name, sight in self._sights.items()}
+        due = self._plan.due(len(frame))
+        if due.any():
+            rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
+            first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
+            noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
+            self._prepare(history[rows], obs, due)
+            self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
+        planned = self.interface.switches.snap(self._plan.pop())
+        return self.spec.action.clip(planned.astype(np.float64))
+
+    def _prepare(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> None:  # noqa: B027
+        """Get ready to predict for the m worlds in ``due`` (n,), which see ``history`` (m, To, Do)."""
+
+    def predict(
+        self,
+        history: np.ndarray,
+        worlds: np.ndarray | None = None,
+        *,
+        images: Mapping[str, np.ndarray] | None = None,
+        noise: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Return chunks of actions (B, Ta, Da) in the environment's units.
+
+        Args:
+            history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
+            images: of the layout's cameras by name, each (B, To, H, W, 3) uint8.
+            noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
+        """
+        drawn = noise if self._noise.size else None
+        outputs = self.answer(self.interface.encode_obs(history), images or {}, drawn)
+        if not np.isfinite(outputs).all():
+            bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
+            raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])
+        return self.interface.decode_actions(outputs, history)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
+        if mask is None:
+            self._worlds = None
+        for memory in self._memories.values():
+            memory.reset(mask)
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of what is remembered of all worlds: with it :meth:`recall` acts on as if nothing had been."""
+        arrays: dict[str, np.ndarray] = {}
+        for name, part in self._memories.items():
+            arrays |= under(name, part.memory())
+        return {**arrays, "worlds": np.array(-1 if self._worlds is None else self._worlds)}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Remember what :meth:`memory` returned."""
+        for name, part in self._memories.items():
+            part.recall(below(name, memory))
+        worlds = int(memory["worlds"])
+        self._worlds = None if worlds < 0 else worlds
+
+    def attach(self, env: BatchEnv) -> None:
+        """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
+        self.check(env.spec)
+        self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
+        if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
+            flown = self.spec.robot, env.spec.robot
+            log.warning("Trained on %s, it flies %s: all it knows of a robot is its tool.", *flown)
+        for own, name in self._shown_for.items():
+            log.warning("The policy's %s is the environment's %s, the only field of its shape.", own, name)
+
+    def check(self, spec: EnvSpec) -> None:
+        """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
+        spec = under_their_names(spec, self._shown_in(spec))
+        check_cameras(self.interface.layout, spec)
+        spec = as_one_of(self.spec, spec)
+        untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
+        of_the_tool = self.interface.layout.relative and suits_other_robots(self.spec, self._seen)
+        across = ("robot",) if of_the_tool else ()
+        differing = _restrict(self.spec, self._seen).differences(
+            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
+        )
+        if differing:
+            made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
+            hint = ANY_ROBOT if spec.robot != self.spec.robot and spec.action == self.spec.action else ""
+            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.{hint}")
+
+    @property
+    def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
+        """All that changes while it flies, by name."""
+        sights = {f"sight.{name}": sight for name, sight in self._sights.items()}
+        return {"history": self._history, **sights, "plan": self._plan, "noise": self._noise}
+
+    @property
+    def _seen(self) -> tuple[str, ...]:
+        return (*self.interface.layout.names, *self.interface.layout.images)
+
+    def _shown_in(self, spec: EnvSpec) -> dict[str, str]:
+        """Return field -> what ``spec`` calls it, for a policy that learned from data of others."""
+        return shown_for(self.spec, self._seen, spec) if self.spec.is_foreign else {}
+
+    def _with_task(self, obs: Observation) -> Observation:
+        """Return ``obs`` with the task that is flown, where the policy knows several."""
+        tasks = tasks_of(self.spec)
+        if tasks == (self.spec.task,):
+            return obs
+        if self.task not in tasks:
+            hint = "Attach it to an environment first, or set its task."
+            raise UnknownNameError("task of the policy", self.task, tasks, hint)
+        return completed(obs, self.spec, self.task)
+
+    def _count(self, n: int) -> None:
+        if self._worlds not in (None, n):
+            raise InvalidValueError(f"The policy flies {self._worlds} worlds and was shown {n}: call reset() between.")
+        self._worlds = n
+
+
+def _restrict(spec: EnvSpec, names: tuple[str, ...]) -> EnvSpec:
+    return replace(spec, observation=ObservationSpec(tuple(f for f in spec.observation.fields if f.name in names)))
+
+
+def suits_other_robots(spec: EnvSpec, seen: tuple[str, ...]) -> bool:
+    """Whether a policy in the tool's own frame sees, of the robot in ``spec``, no more than its tool."""
+    told = {field.name for field in spec.observation.of_group("proprio")}
+    return told & {*seen} <= {*OF_THE_TOOL}

@@ -1,0 +1,80 @@
+"""The README of an exported policy: what it flies, what it must be shown, how often it succeeded, where it comes from.
+
+Source: https://huggingface.co/docs/hub/model-cards
+"""
+
+from __future__ import annotations
+
+import yaml
+
+from aerial_il.core.specs import Field
+from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.presentation.hub_readme import plain
+from aerial_il.presentation.markdown import table
+
+
+def model_card(
+    policy: ChunkPolicy, *, title: str, result: EvaluationResult | None = None, license: str | None = None
+) -> str:
+    """Return the README.
+
+    Args:
+        policy: what was exported. title: its name. result: of an evaluation, if there is one.
+        license: identifier of the hub's; None leaves it out.
+    """
+    spec, layout, config = policy.spec, policy.interface.layout, policy.config
+    fields = [spec.observation[name] for name in (*layout.names, *layout.images)]
+    bounds = zip(spec.action.labels, spec.action.units, spec.action.low, spec.action.high, strict=True)
+    facts = {
+        "robot": plain(spec.robot),
+        "task": plain(spec.task),
+        "instruction": plain(spec.instruction),
+        "success": _success(result),
+        "policy": f"{config.name}: sees {config.history} observations, answers {config.chunk} actions",
+        "rate": f"{1 / spec.control_dt_s:g} Hz",
+        "commit": str(policy.origin.get("git", {}).get("sha", ""))
+        if isinstance(policy.origin.get("git"), dict)
+        else "",
+    }
+    parts = [
+        _front_matter(title, license),
+        f"# {plain(title)}",
+        table(("", ""), [row for row in facts.items() if row[1]]),
+        "## Fly it",
+        "```sh\npip install --no-deps aerial-il\npip install numpy onnxruntime\n```",
+        '```python\nimport aerial_il\n\npolicy = aerial_il.load_policy("FOLDER")   # this one\n'
+        "policy.reset()\naction = policy.act(obs)   # obs: field -> (n, ...); action: (n, Da); at every control step\n"
+        "```",
+        "## Observations",
+        table(("field", "shape", "unit", "meaning"), map(_row, fields)),
+        "## Actions",
+        f"`{spec.action.level}`, within its bounds:",
+        table(
+            ("element", "unit", "lower bound", "upper bound"),
+            [(plain(label), plain(unit), f"{low:.4g}", f"{high:.4g}") for label, unit, low, high in bounds],
+        ),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _commit(policy: ChunkPolicy) -> str:
+    git = (policy.origin.get("provenance") or {}).get("git") or {}
+    return f"commit `{git['sha'][:10]}`" if "sha" in git else ""
+
+
+def _success(result: EvaluationResult | None) -> str:
+    return f"{result.headline()}, {plain(result.tier)}, in simulation" if result else "not evaluated"
+
+
+def _row(field: Field) -> tuple[str, str, str, str]:
+    return plain(field.name), "×".join(map(str, field.shape)), plain(field.unit), plain(field.meaning)
+
+
+def _front_matter(title: str, license: str | None) -> str:
+    data = {
+        **({"license": license} if license else {}),
+        "tags": ["aerial_il", "robotics", "imitation-learning", "onnx"],
+        "model_name": title,
+    }
+    return f"---\n{yaml.safe_dump(data, sort_keys=False, allow_unicode=True)}---"
