@@ -231,9 +231,10 @@ NOTES = (
     "has as many sources as draws, each flown as often. Flights: Wilson's 95 % interval over all of them; worst and "
     "best: of single sources. A minute: successes of wall time, recorded.",
     "Clones of what was generated: each training has its own source and weights; other robots' learn from what was "
-    "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. Controls: "
-    "as_many, a clone of as many flights of the expert with its default noise; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
-    "the expert; nearest: out of whichever of these six is nearest.",
+    "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
+    "Controls: as_many, a clone of as many flights of the expert with its default noise; alone, one of the single "
+    "flight. noisy: generated with noise; six: out of six flights of the expert; nearest: out of whichever of these "
+    "six is nearest.",
 )
 
 
