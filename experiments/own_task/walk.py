@@ -3,8 +3,8 @@
     python -m experiments.own_task.walk --out runs/own_task
 
 The commands are those of the README, run in a copy of this checkout, since ``aerial-il new`` writes into the package.
-Who flies reads the page and presses its keys (``tests/teleop``); it is told nothing else. Each walk takes another flight
-and another seed of training; ``results.json`` keeps successes and minutes.
+Who flies reads the page and presses its keys (``tests/teleop``); it is told nothing else. Each walk takes another
+flight and another seed of training; ``results.json`` keeps successes and minutes.
 """
 
 from __future__ import annotations
