@@ -79,7 +79,7 @@ class Memory:
 
         own = {name: moved(each) for name, each in vars(episode).items() if isinstance(each, np.ndarray)}
         obs, before = {name: moved(each) for name, each in episode.obs.items()}, self._origin
-        self._origin = {k: before[k] if before.get(k) == v else v for k, v in episode.provenance.items()}
+        self._origin = {k: before.get(k, v) if before.get(k, v) == v else v for k, v in episode.provenance.items()}
         return replace(episode, obs=obs, provenance=self._origin, **own)
 
     def _block(self, size: int) -> np.ndarray:

@@ -37,6 +37,8 @@ class Dataset(Reading):
         weights: the share of the training that each dataset has, that of path first, e.g. [0.7,0.3] (empty: as their
             sizes give it).
         held_mb: how much memory what is trained on may take, MB; beyond it, it lies in files that vanish with the run.
+        latency_ms: shift what was seen against what was done until so much lies between; 0: none, as if none had been
+            recorded (null: as it was recorded).
     """
 
     path: str | None = None
@@ -45,6 +47,7 @@ class Dataset(Reading):
     others: tuple[str, ...] = ()
     weights: tuple[float, ...] = ()
     held_mb: int = HELD_MB
+    latency_ms: float | None = None
 
     def __post_init__(self) -> None:
         make_tuples(self)
@@ -52,8 +55,9 @@ class Dataset(Reading):
             raise InvalidValueError(f"dataset.episodes={self.episodes} counts those of one dataset: leave out others.")
         if self.weights and not self.others:
             raise InvalidValueError(f"dataset.weights={list(self.weights)} needs dataset.others=[PATH].")
-        if self.held_mb < 0:
-            raise InvalidValueError(f"dataset.held_mb={self.held_mb} must not be negative; 0 holds all in files.")
+        if self.others and self.latency_ms is not None:
+            raise InvalidValueError(f"dataset.latency_ms={self.latency_ms:g} shifts one dataset: leave out others.")
+        at_least(self, held_mb=0, latency_ms=0)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -201,19 +205,23 @@ def _demonstrations(
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
     from aerial_il.data.joined import Joined
+    from aerial_il.data.latency import with_latency
     from aerial_il.workflows.parts import demonstrations
 
     if (path := dataset.path) is None:
         return None
     if said := [*where.options, *(["horizon"] if where.horizon else [])]:
         raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
+    if (latency_ms := dataset.latency_ms) is not None and states:
+        raise InvalidValueError("dataset.latency_ms is for algorithms that learn from demonstrations as they are.")
     for each in dataset.paths:
         demonstrations.check_origin(each, where.expected, dataset)
         demonstrations.warn_of_changes(each, dataset)
     wanted = {"images": images, "failures": failures, "states": states, "reading": dataset}
     if dataset.others:
         return Joined([demonstrations.open_all(each, **wanted) for each in dataset.paths], dataset.weights)
-    return demonstrations.open_demonstrations(path, limit=dataset.episodes, **wanted)
+    episodes = demonstrations.open_demonstrations(path, limit=dataset.episodes, **wanted)
+    return episodes if latency_ms is None else [with_latency(episode, latency_ms) for episode in episodes]
 
 
 @contextmanager

@@ -67,3 +67,9 @@ def test_a_place_without_room_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path
     monkeypatch.setenv("TMPDIR", str(tmp_path / "nowhere"))
     with MEMORY.limited(0), pytest.raises(StorageError, match=r"nowhere.*TMPDIR"):
         MEMORY.empty((9,), np.float64)
+
+
+def test_each_episode_keeps_its_own_provenance(episodes: list[Episode]) -> None:
+    told = [{"git": None}, {"git": None, "seed": 1}, {"seed": 1}, {"git": {"sha": "a"}, "seed": 2}]
+    kept = [MEMORY.keep(replace(episodes[0], provenance=each)) for each in told]
+    assert [episode.provenance for episode in kept] == told

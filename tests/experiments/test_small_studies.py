@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
 from experiments.pixels.study import POSE
+from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
 
 CLONING, SMALL = BC(steps=10, batch_size=16), {"draws": (0,), "num_envs": 1}
@@ -47,6 +49,15 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "cloning": CLONING,
         "practising": build(BCPPO, {"steps": 20_000, "rollout": {"steps": 8_000}, "reward_patience": 0}),
         "tasks": ("reach",),
+        "demos": 2,
+        "episodes": 2,
+    },
+    "umi": lambda: {
+        "policy": replace(OF_THE_TOOL, width=16),
+        "cloning": CLONING,
+        "tasks": ("reach",),
+        "robots": ("ua_quad_arm4",),
+        "latencies_ms": (0, 40),
         "demos": 2,
         "episodes": 2,
     },

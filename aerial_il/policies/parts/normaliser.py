@@ -48,9 +48,10 @@ def _moments(samples: Samples, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _sum(samples: Samples, of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Return the sum (D,) over all rows one after the other, as of one array: the last bit depends on the order."""
-    total = np.empty(0)
+    total: np.ndarray | None = None
     for block in samples:
-        total = np.add.reduce(np.concatenate([total.reshape(-1, block.shape[1]), of(block)]))
+        total = np.add.reduce(of(block) if total is None else np.concatenate([total[None], of(block)]))
+    assert total is not None
     return total
 
 
