@@ -129,6 +129,23 @@ def test_other_formats_are_recorded_anew(cranes: Recorded, tmp_path: Path) -> No
     assert merged[0].provenance["source"]["uid"] == there[0].uid
 
 
+def test_sets_without_states_are_filtered_split_and_merged(
+    cranes: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = [tmp_path / "lerobot0", tmp_path / "lerobot20"]
+    for first, place in zip((0, 20), there, strict=True):
+        assert main(["convert", str(cranes(first, 6)), f"out={place}", QUIET]) == 0
+    few, parts, both = (tmp_path / name for name in ("few", "parts", "both"))
+    assert main(["filter", str(there[0]), "where=steps > 0", f"out={few}", QUIET]) == 0
+    assert main(["split", str(there[0]), f"out={parts}", "parts=[a=0.5,b=0.5]", QUIET]) == 0
+    assert main(["merge", *map(str, there), f"out={both}", QUIET]) == 0
+    assert uids(few) == uids(there[0]) == uids(parts / "a") | uids(parts / "b")
+    assert all(not episode.states.size for episode in open_dataset(both))
+    assert main(["validate", str(both), QUIET]) == 0
+    assert main(["merge", str(there[0]), str(cranes(20, 6)), f"out={tmp_path / 'no'}", QUIET]) == 2
+    assert "state_size" in capsys.readouterr().err
+
+
 def test_a_split_is_disjoint_stratified_and_the_same_again(cranes: Recorded, tmp_path: Path) -> None:
     source, words = cranes(0, 40), ["parts=[train=0.5,validation=0.25,test=0.25]", QUIET]
     for name, seed in (("one", 1), ("again", 1), ("other", 2)):

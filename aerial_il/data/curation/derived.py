@@ -49,6 +49,11 @@ class Chosen:
         return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
+def recorded_spec(dataset: Dataset) -> EnvSpec:
+    """Return the specification of a dataset's episodes as recordings: some formats keep no states of the simulator."""
+    return dataset.spec if dataset.files else replace(dataset.spec, state_size=dataset[0].states.shape[1])
+
+
 def check_out(out: Place, sources: Sequence[Place], parts: Sequence[str] = ()) -> None:
     """Refuse a place that is one of the sources or holds what is somebody else's; ``parts`` are folders in it."""
     if parts:
