@@ -179,6 +179,10 @@ def test_a_person_moves_divides_and_saves_on_the_page(server: SegmentServer, one
             await tab.value("$('thing').value = 'bowl'; $('thing').onchange()")
             assert await tab.value("dirty")
             assert standing(one) == found, "what is not saved is not kept"
+            assert await tab.value("$('making').hidden"), "the film is there"
+            await tab.value("confirm = () => false; $('flight').append(new Option('other'))")
+            await tab.value("$('flight').value = 'other'; $('flight').onchange()")
+            assert await tab.value("dirty && $('flight').value === flight.uid"), "who stays loses nothing"
             await tab.value("seek(150); $('add').click()")
             await tab.value("move(2, 'first', 0)")
             assert await tab.value("cuts[2].first === cuts[1].last"), "an edge stays behind the one before it"
