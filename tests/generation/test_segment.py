@@ -113,6 +113,10 @@ def test_what_cannot_be_cut_is_said(one: Path, capsys: pytest.CaptureFixture[str
     for words in (["segment", str(one), "page=false"], ["generate", f"dataset={one}", f"out={one}2"]):
         assert main(words) == 2
         assert "cuts.json: cannot be used ('cube' is no cut" in capsys.readouterr().err
+    (one / "columns" / "cuts.json").write_text(json.dumps({uid_of(one): "cube:1-9999"}))
+    assert main(["generate", f"dataset={one}", f"out={one}2"]) == 2
+    assert f"{uid_of(one)} cannot be cut as was said: cube:1-9999 is outside" in capsys.readouterr().err
+    assert main(["segment", str(one), f"uid={uid_of(one)}", "cuts=[found]"]) == 0
 
 
 def test_an_edit_that_was_killed_is_finished_or_taken_back(one: Path, monkeypatch: pytest.MonkeyPatch) -> None:
