@@ -210,6 +210,65 @@ def collect(robot: str | None = None, task: str | None = None, *, out: str | os.
     return open_dataset(record(build(Collect, {**cell, "out": out, **keys})))
 
 
+def generate(dataset: str | os.PathLike[str], *, out: str | os.PathLike[str], **keys: Any) -> Dataset:
+    """Make many demonstrations of few, as ``aerial-il generate`` does, and return the successes.
+
+    Args:
+        dataset: recordings to generate from. out: folder of the new dataset; what it holds already is not flown again.
+        keys: the other settings of :class:`aerial_il.workflows.generate.Generate`, e.g. ``episodes=400, tier="gusts"``.
+    """
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.generate import Generate
+    from aerial_il.workflows.generate import generate as fly
+
+    return open_dataset(fly(build(Generate, {"dataset": dataset, "out": out, **keys})))
+
+
+def merge(*datasets: str | os.PathLike[str], out: str | os.PathLike[str], **keys: Any) -> Dataset:
+    """Put datasets of one environment together, as ``aerial-il merge`` does.
+
+    Args:
+        datasets: their folders. out: folder of the new one; sources stay as they are.
+        keys: the other settings of :class:`aerial_il.workflows.derive.Merge`, e.g. ``mix=True``.
+    """
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.derive import Merge
+    from aerial_il.workflows.derive import merge as put
+
+    put(build(Merge, {"datasets": [os.fspath(each) for each in datasets], "out": out, **keys}))
+    return open_dataset(os.fspath(out))
+
+
+def filter(dataset: str | os.PathLike[str], where: str, *, out: str | os.PathLike[str], **keys: Any) -> Dataset:
+    """Make a dataset of the episodes for which a condition holds, as ``aerial-il filter`` does.
+
+    Args:
+        dataset: its folder, which stays as it is. where: the condition, e.g. ``"success and seconds < 12"``.
+        out: folder of the new one. keys: the other settings of :class:`aerial_il.workflows.derive.Filter`.
+    """
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.derive import Filter
+    from aerial_il.workflows.derive import filter as choose
+
+    choose(build(Filter, {"dataset": dataset, "where": where, "out": out, **keys}))
+    return open_dataset(os.fspath(out))
+
+
+def split(dataset: str | os.PathLike[str], *, out: str | os.PathLike[str], **keys: Any) -> dict[str, Dataset]:
+    """Split a dataset by episode into parts that are alike, as ``aerial-il split`` does: name -> dataset.
+
+    Args:
+        dataset: its folder, which stays as it is. out: folder of the parts.
+        keys: the other settings of :class:`aerial_il.workflows.derive.Split`, e.g. ``parts=["train=0.8", "test=0.2"]``.
+    """
+    from aerial_il.core.composition import build
+    from aerial_il.workflows.derive import Split
+    from aerial_il.workflows.derive import split as divide
+
+    made = divide(build(Split, {"dataset": dataset, "out": out, **keys}))
+    return {part.path.name: open_dataset(str(part.path)) for part in made}
+
+
 def train(
     dataset: str | os.PathLike[str] | None = None,
     *,

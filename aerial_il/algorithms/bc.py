@@ -31,6 +31,7 @@ from aerial_il.algorithms.supervised.supervised_run import SUCCESS, SupervisedRu
 from aerial_il.algorithms.supervised.training_set import Demonstrations, check_recorded, prepare, read_demos, split
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.data.episode import Episode
+from aerial_il.data.joined import Joined
 from aerial_il.data.waypoints import Waypoints
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
@@ -68,7 +69,7 @@ class BC:
             The learning rate is then still high, so that the policy may be worse than at the end of a whole run.
         cadence: when it logs, flies rollouts and saves.
         device: torch device.
-        mixed_precision: compute in bfloat16 where that loses little, on a GPU; a CPU always computes in float32.
+        mixed_precision: compute in bfloat16 where that loses little: faster on a GPU, and on a CPU that knows bfloat16.
         threads: torch threads; results repeat bit for bit at a fixed number only.
     """
 
@@ -186,6 +187,8 @@ class BC:
         """Return what :meth:`train` learns from and what it holds out with this ``seed``; refuse what it refuses."""
         selection = replace(self.selection, failures=self.selection.failures or 1.0) if failures else self.selection
         layout, demos = read_demos(dataset, policy, failures=selection.failures > 0)
+        if weights is None and isinstance(dataset, Joined):
+            weights = dataset.weights_of(demos)
         demos, shares = selection.apply(demos, weights)
         demos = [self.waypoints.apply(demo) for demo in demos]
         kept, held_out = split(list(zip(demos, shares.tolist(), strict=True)), self.validation, seed=seed)

@@ -73,7 +73,7 @@ class CPL:
         best_by: number of the rollouts by which the best policy on the way is kept.
         patience: evaluations in a row, none better than the best, after which it ends; 0 for never.
         cadence: when it logs, flies rollouts and saves.
-        device: torch device. mixed_precision: compute in bfloat16 on a GPU. threads: torch threads.
+        device: torch device. mixed_precision: as in ``bc``. threads: torch threads.
     """
 
     name: ClassVar[str] = "cpl"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 MEMINFO, CGROUP = Path("/proc/meminfo"), Path("/sys/fs/cgroup")
 MEMORY_MB = 2000  # of one episode, unless more is asked for
+HELD_MB = 500  # of all that is trained on, likewise
 
 
 def free_memory_bytes() -> int:

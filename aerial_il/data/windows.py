@@ -7,7 +7,8 @@ index table.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -15,7 +16,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
+from aerial_il.data.memory import MEMORY
 
+BLOCK = 1 << 16  # rows at once
+Rows = Callable[[np.ndarray], np.ndarray]
 Target = Literal["actions", "executed_actions", "expert_actions"]
 
 
@@ -74,27 +78,35 @@ class Windows:
             raise InvalidValueError(f"history={history} and chunk={chunk} must be at least 1.")
         self.obs_names, self.history, self.chunk = tuple(obs_names), history, chunk
         chosen = [e for e in episodes if e.success or not successes_only]
-        kept = [(_obs(e, self.obs_names), _target(e, target), _known(e, target)) for e in chosen]
-        if not kept:
+        if not chosen:
             raise InvalidValueError("No episode is left to cut windows from: none succeeded. See successes_only.")
         self.image_names = tuple(images)
         self.frames = {name: [_image(e, name) for e in chosen] for name in self.image_names}
-        obs = [np.pad(o, ((history - 1, 0), (0, 0)), mode="edge") for o, _, _ in kept]
-        actions = [np.pad(a, ((0, chunk - 1), (0, 0)), mode="edge") for _, a, _ in kept]
-        self._obs = np.concatenate(obs).astype(dtype)
-        self._actions = np.concatenate(actions).astype(dtype)
-        self.lengths = np.array([int(known.sum()) for _, _, known in kept])
-        steps = np.array([len(actions) for _, actions, _ in kept])
-        episode, step = np.repeat(np.arange(len(kept)), steps), np.arange(steps.sum())
-        starts = np.flatnonzero(np.concatenate([known for _, _, known in kept]))
+        known = [_known(e, target) for e in chosen]
+        steps = np.array([len(each) for each in known])
+        obs = _joined((_obs(e, self.obs_names) for e in chosen), steps, dtype, before=history - 1)
+        actions = _joined((_target(e, target) for e in chosen), steps, dtype, after=chunk - 1)
+        self.lengths = np.array([int(each.sum()) for each in known])
+        episode, step = np.repeat(np.arange(len(chosen)), steps), np.arange(steps.sum())
+        starts = np.flatnonzero(np.concatenate(known))
         self._obs_row = (step + episode * (history - 1))[starts]
         self._action_row = (step + episode * (chunk - 1))[starts]
         first = np.cumsum(steps) - steps
         self.episode, self._step = episode[starts], (step - first[episode])[starts]
-        is_pad = np.concatenate([np.pad(~known, (0, chunk - 1), constant_values=True) for _, _, known in kept])
+        is_pad = np.concatenate([np.pad(~each, (0, chunk - 1), constant_values=True) for each in known])
         self._is_pad_runs = sliding_window_view(is_pad, chunk)
-        self._obs_runs = sliding_window_view(self._obs.reshape(-1), history * self._obs.shape[1])
-        self._action_runs = sliding_window_view(self._actions.reshape(-1), chunk * self._actions.shape[1])
+        self._hold(obs, actions)
+
+    def _hold(self, obs: np.ndarray, actions: np.ndarray) -> None:
+        self._obs, self._actions = obs, actions
+        self._obs_runs = sliding_window_view(obs.reshape(-1), self.history * obs.shape[1])
+        self._action_runs = sliding_window_view(actions.reshape(-1), self.chunk * actions.shape[1])
+
+    def mapped(self, of_obs: Rows, of_actions: Rows) -> Windows:
+        """Return the same windows over what two functions, (n, D) to (n, D), make of the observations and actions."""
+        result = copy(self)
+        result._hold(_made(of_obs, self._obs), _made(of_actions, self._actions))
+        return result
 
     def __len__(self) -> int:
         return len(self._action_row)
@@ -110,8 +122,14 @@ class Windows:
             self._is_pad_runs[self._action_row[index]],
         )
 
+    def present(self, index: np.ndarray) -> np.ndarray:
+        """Gather the last observations (B, Do) of the windows at ``index`` (B,)."""
+        return self._obs[self._obs_row[index] + self.history - 1]
+
     def images(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Gather the images that the windows at ``index`` (B,) show, by name, each ``(B, To, *shape)``."""
+        if not self.image_names:
+            return {}
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
         places = list(zip(self.episode[index].tolist(), rows, strict=True))
@@ -122,6 +140,27 @@ class Windows:
         order = rng.permutation(len(self))
         for start in range(0, len(order) - size + 1, size):
             yield self[order[start : start + size]]
+
+
+def _joined(
+    parts: Iterable[np.ndarray], steps: np.ndarray, dtype: np.typing.DTypeLike, *, before: int = 0, after: int = 0
+) -> np.ndarray:
+    """Return parts (T, D) of so many ``steps`` one after the other, each with copies of its first or last row."""
+    joined, start = np.empty((0, 0), dtype), 0
+    for part in parts:
+        if not start:
+            joined = MEMORY.empty((int(steps.sum()) + len(steps) * (before + after), part.shape[1]), dtype)
+        first, last = start + before, start + before + len(part)
+        joined[start:first], joined[first:last], joined[last : last + after] = part[0], part, part[-1]
+        start = last + after
+    return joined
+
+
+def _made(function: Rows, rows: np.ndarray) -> np.ndarray:
+    made = MEMORY.empty((len(rows), function(rows[:1]).shape[1]), np.float32)
+    for start in range(0, len(rows), BLOCK):
+        made[start : start + BLOCK] = function(rows[start : start + BLOCK])
+    return made
 
 
 def _obs(episode: Episode, names: tuple[str, ...]) -> np.ndarray:

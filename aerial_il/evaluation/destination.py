@@ -14,7 +14,16 @@ from aerial_il.data.folder import INDEX
 from aerial_il.evaluation.journal import FOLDER, Journal
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 
-CONDITIONS = ("action_level", "controller", "control_dt_s", "max_steps", "disturbances", "options")
+CONDITIONS = (
+    "action_level",
+    "controller",
+    "control_dt_s",
+    "max_steps",
+    "disturbances",
+    "options",
+    "latency",
+    "execution",
+)
 CALLED = "called"  # key beside a subject: the folder or name of the policy, which decides nothing
 DATASETS = (INDEX, "meta/info.json")  # files by which a folder is a dataset
 

@@ -29,6 +29,8 @@ from aerial_il.evaluation.journal import Journal, Kept
 from aerial_il.evaluation.metrics import measure
 from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.evaluation.traces import Trace, TraceBuffer
+from aerial_il.policies.parts.execution import AS_TRAINED
+from aerial_il.suite.late import LateBatch
 
 
 def evaluate(
@@ -186,6 +188,8 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
             "num_envs": env.num_envs,
             "disturbances": dict(spec.disturbances),
             "options": dict(spec.options),
+            **({"latency": env.latency.said} if isinstance(env, LateBatch) else {}),
+            **({"execution": said} if (said := getattr(policy, "execution", AS_TRAINED).said) else {}),
         },
         "policy_sha256": checkpoint.digest(saved) if saved else None,
         "torch_threads": torch.get_num_threads() if torch else None,

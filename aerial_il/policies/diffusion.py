@@ -34,6 +34,7 @@ from torch.nn import functional
 from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
+from aerial_il.policies.parts.guiding import Guide
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -98,6 +99,8 @@ class Diffusion(PolicySettings):
 class DiffusionNetwork(ChunkNetwork):
     """Tells signal from noise in a flattened chunk and takes the noise out."""
 
+    guided = True
+
     def __init__(self, config: Diffusion, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.shape, self.columns = config, (config.chunk, action_size), config.chunk * action_size
@@ -115,13 +118,17 @@ class DiffusionNetwork(ChunkNetwork):
         answer = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
         return functional.mse_loss(answer, self._target(actions.flatten(1), noise.flatten(1), kept)), {}
 
-    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
+    def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
         noise = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise
         x, *later = noise.split(self.columns, -1)
         seen, limit = self.denoiser.see(obs.flatten(1)), self.config.clip
         for i, (time, kept, kept_next) in enumerate(self._path):
-            answer = self.denoiser(x, obs.new_full((1, 1), time), seen)
-            clean = self._clean(x, answer, kept).clamp(-limit, limit)
+
+            def denoise(x: Tensor, time: float = time, kept: float = kept) -> Tensor:
+                answer = self.denoiser(x, obs.new_full((1, 1), time), seen)
+                return self._clean(x, answer, kept).clamp(-limit, limit)
+
+            clean = guide(denoise, x, kept**0.5, (1 - kept) ** 0.5) if guide else denoise(x)
             removed = (x - kept**0.5 * clean) / (1 - kept) ** 0.5
             spread = (1 - kept_next) / (1 - kept) * (1 - kept / kept_next) if later else 0.0
             x = kept_next**0.5 * clean + max(0.0, 1 - kept_next - spread) ** 0.5 * removed

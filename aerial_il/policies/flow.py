@@ -28,6 +28,7 @@ from torch.nn import functional
 
 from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.policies.parts.denoiser import Denoiser
+from aerial_il.policies.parts.guiding import Guide
 from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
 from aerial_il.policies.parts.normaliser import Scaling
 
@@ -81,6 +82,8 @@ class Flow(PolicySettings):
 class FlowNetwork(ChunkNetwork):
     """Tells where a flattened chunk on its way from noise is going, and goes there."""
 
+    guided = True
+
     def __init__(self, config: Flow, obs_size: int, action_size: int) -> None:
         super().__init__()
         self.config, self.shape = config, (config.chunk, action_size)
@@ -94,13 +97,22 @@ class FlowNetwork(ChunkNetwork):
         answer = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
         return functional.mse_loss(answer, actions if self.config.predict == "sample" else actions - noise), {}
 
-    def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
+    def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
         x = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise
         seen, steps = self.denoiser.see(obs.flatten(1)), self.config.euler_steps
         for i in range(steps):
+            if guide:
+                clean = guide(lambda x, i=i: self._clean(x, seen, i / steps), x, i / steps, 1 - i / steps)
+                x = x + (clean - x) / (steps - i)
+                continue
             answer = self.denoiser(x, obs.new_full((1, 1), i / steps), seen)
             x = x + ((answer - x) / (steps - i) if self.config.predict == "sample" else answer / steps)
         return x.clamp(-self.config.clip, self.config.clip).unflatten(-1, self.shape)
+
+    def _clean(self, x: Tensor, seen: Tensor, time: float) -> Tensor:
+        """Return the actions (B, C) that ``x`` (B, C) leads to."""
+        answer = self.denoiser(x, seen.new_full((1, 1), time), seen)
+        return answer if self.config.predict == "sample" else x + (1 - time) * answer
 
 
 def some_times(obs: Tensor) -> Tensor:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.workflows.parts.names import Controller, Robot, Task, Tier, at_least
 from aerial_il.workflows.parts.shards import shards_of
 
@@ -42,6 +43,7 @@ class Collect:
         tier: disturbance tier, e.g. gusts, hard-payload, calm+latency.
         expert: how the expert flies, or your own expert: module:factory.
         controller: control law of the base.
+        latency: how late is recorded what is seen, and done what is commanded.
         policy: who flies in env=...: a run, an expert's file, module:factory, model.zip, or random.
         env: external environment instead of robot and task, e.g. gymnasium:CartPole-v1.
         success: what makes an episode there a success: KEY:N, return:R, survived (null: as it reports).
@@ -67,6 +69,7 @@ class Collect:
     tier: Tier = "calm"
     expert: Expert = Expert()
     controller: Controller = "geometric_observer"
+    latency: Latency = NO_LATENCY
     policy: str | None = None
     env: str | None = None
     success: str | None = None
@@ -162,13 +165,15 @@ def _outside(settings: Collect) -> None:
 def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_with: Mapping[str, Any]) -> None:
     """Fly the seeds that are missing, and close ``env``."""
     from aerial_il.collection.collect import collect as fly
+    from aerial_il.suite.late import late
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.watching import watched
 
     seeds = range(settings.seed, settings.seed + settings.episodes)
     with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
         recorded = fly(
-            seen, policy, seeds, settings.out,
-            policy_name=name, settings=flown_with, mix=settings.mix, progress=settings.progress,
+            late(seen, settings.latency), policy, seeds, settings.out,
+            policy_name=name, settings={**flown_with, **settings.latency.said}, mix=settings.mix,
+            progress=settings.progress,
         )  # fmt: skip
         remember(recorded, env.spec)

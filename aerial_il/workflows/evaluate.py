@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.policies.parts.execution import AS_TRAINED, Execution
 from aerial_il.workflows.parts.names import Controller, MaybeRobot, MaybeTask, Tier, at_least
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ class Evaluate:
         success: what makes an episode there a success: KEY:N, return:R, survived (null: as it reports).
         max_steps: time limit there (null: its own).
         controller: control law of the base.
+        latency: how late the robot sees and acts.
+        execution: how a policy flies its chunks, with latency or on another robot.
         out: folder for evaluation.json, videos/ and report.html.
         action: action level (null: the policy's own, ee_pose for experts).
         episodes: number of episodes, one for each seed.
@@ -52,6 +56,8 @@ class Evaluate:
     success: str | None = None
     max_steps: int | None = None
     controller: Controller = "geometric_observer"
+    latency: Latency = NO_LATENCY
+    execution: Execution = AS_TRAINED
     out: str
     action: str | None = None
     episodes: int = 200
@@ -107,6 +113,7 @@ def evaluate(settings: Evaluate) -> Evaluated:
     Raises:
         InvalidValueError: the folder holds another result, or the settings do not go together.
     """
+    from aerial_il.suite.late import late
     from aerial_il.workflows.parts import environments, pilots
     from aerial_il.workflows.parts.watching import watched
 
@@ -118,12 +125,24 @@ def evaluate(settings: Evaluate) -> Evaluated:
         env=settings.env,
         options=environments.given(success=settings.success, max_steps=settings.max_steps),
     )
+    pilot = _executing(pilot, settings)
     seeds = range(settings.seed, settings.seed + settings.episodes)
     worlds = min(settings.num_envs, len(seeds))
     env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
     with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
-        result, written = _judged(settings, pilot, seen, seeds)
+        result, written = _judged(settings, pilot, late(seen, settings.latency), seeds)
     return Evaluated(result, pilot, env.spec.tier if pilot.reference.env else settings.tier, written)
+
+
+def _executing(pilot: Pilot, settings: Evaluate) -> Pilot:
+    """Return the pilot whose policy flies its chunks as was asked for."""
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+    if settings.execution == AS_TRAINED:
+        return pilot
+    if not isinstance(pilot.policy, ChunkPolicy):
+        raise InvalidValueError(f"execution is for policies that were trained here; policy={settings.policy} is none.")
+    return replace(pilot, policy=pilot.policy.executing(settings.execution, settings.latency))
 
 
 def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tuple[EvaluationResult, Written | None]:
@@ -153,5 +172,7 @@ def _command(settings: Evaluate, pilot: Pilot) -> str:
     from aerial_il.workflows.spelling import command_line
 
     ours = () if pilot.reference.env else (f"tier={settings.tier}", f"controller={settings.controller}")
-    flown = (*ours, f"episodes={settings.episodes}", f"seed={settings.seed}", f"out={settings.out}")
+    said = (f"latency.{name}={value:g}" for name, value in settings.latency.said.items())
+    said = (*said, *(f"execution.{name}={value}" for name, value in settings.execution.said.items()))
+    flown = (*ours, *said, f"episodes={settings.episodes}", f"seed={settings.seed}", f"out={settings.out}")
     return command_line(["evaluate", *pilot.overrides, *flown])

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from aerial_il.core.checks import make_tuples
 from aerial_il.core.composition import build, chosen, plain
+from aerial_il.core.computer import HELD_MB
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
@@ -31,11 +33,36 @@ class Dataset(Reading):
         path: their folder.
         episodes: how many of the successful ones (null: all).
         by_hand: whether a person flew them (null: what they say).
+        others: further datasets to learn from beside it.
+        weights: the share of the training that each dataset has, that of path first, e.g. [0.7,0.3] (empty: as their
+            sizes give it).
+        held_mb: how much memory what is trained on may take, MB; beyond it, it lies in files that vanish with the run.
+        latency_ms: shift what was seen against what was done until so much lies between; 0: none, as if none had been
+            recorded (null: as it was recorded).
     """
 
     path: str | None = None
     episodes: int | None = None
     by_hand: bool | None = None
+    others: tuple[str, ...] = ()
+    weights: tuple[float, ...] = ()
+    held_mb: int = HELD_MB
+    latency_ms: float | None = None
+
+    def __post_init__(self) -> None:
+        make_tuples(self)
+        if self.others and self.episodes is not None:
+            raise InvalidValueError(f"dataset.episodes={self.episodes} counts those of one dataset: leave out others.")
+        if self.weights and not self.others:
+            raise InvalidValueError(f"dataset.weights={list(self.weights)} needs dataset.others=[PATH].")
+        if self.others and self.latency_ms is not None:
+            raise InvalidValueError(f"dataset.latency_ms={self.latency_ms:g} shifts one dataset: leave out others.")
+        at_least(self, held_mb=0, latency_ms=0)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """All that is learned from."""
+        return (() if self.path is None else (self.path,)) + self.others
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +144,7 @@ def train(settings: Train) -> ChunkPolicy:
         AerialError: settings that do not go together, or demonstrations that cannot be learned from.
     """
     from aerial_il.algorithms.run.trackers import track_with
+    from aerial_il.data.memory import MEMORY
     from aerial_il.workflows.parts.by_hand import suited
     from aerial_il.workflows.parts.environments import EnvironmentReference, given
     from aerial_il.workflows.parts.rollout_evaluator import RolloutEvaluator
@@ -130,8 +158,10 @@ def train(settings: Train) -> ChunkPolicy:
     if dataset.path is None and algorithm.demonstrated:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
-    if dataset.path is not None:
-        algorithm, policy = suited(dataset.path, algorithm, policy, by_hand=dataset.by_hand, reading=dataset)
+    if dataset.weights and algorithm.name != "bc":
+        raise InvalidValueError(f"dataset.weights is for algorithm=bc; {algorithm.name} takes each step as often.")
+    for path in dataset.paths:
+        algorithm, policy = suited(path, algorithm, policy, by_hand=dataset.by_hand, reading=dataset)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
     where = EnvironmentReference(options=given(success=settings.success, max_steps=settings.max_steps), **own)
     again = "collect" in algorithm.needs  # the demonstrations are recorded once more, beside what it flies
@@ -148,7 +178,8 @@ def train(settings: Train) -> ChunkPolicy:
         tier=settings.flight_tier, num_envs=settings.num_envs, threads=threads, port=settings.port, reading=dataset,
     )  # fmt: skip
     kept = _command_kept(settings)
-    with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed:
+    held = MEMORY.limited(dataset.held_mb)
+    with track_with(list(settings.tracker)), kept, evaluating as evaluate, resources as handed, held:
         return algorithm.train(
             episodes, policy, run=settings.run, seed=settings.seed, evaluate=evaluate,
             resume=settings.resume, progress=settings.progress, **handed,
@@ -173,17 +204,24 @@ def _demonstrations(
     dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool, states: bool
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
+    from aerial_il.data.joined import Joined
+    from aerial_il.data.latency import with_latency
     from aerial_il.workflows.parts import demonstrations
 
     if (path := dataset.path) is None:
         return None
     if said := [*where.options, *(["horizon"] if where.horizon else [])]:
         raise InvalidValueError(f"{path} already defines its environment: leave out {', '.join(said)}.")
-    demonstrations.check_origin(path, where.expected, dataset)
-    demonstrations.warn_of_changes(path, dataset)
-    return demonstrations.open_demonstrations(
-        path, limit=dataset.episodes, images=images, failures=failures, states=states, reading=dataset
-    )
+    if (latency_ms := dataset.latency_ms) is not None and states:
+        raise InvalidValueError("dataset.latency_ms is for algorithms that learn from demonstrations as they are.")
+    for each in dataset.paths:
+        demonstrations.check_origin(each, where.expected, dataset)
+        demonstrations.warn_of_changes(each, dataset)
+    wanted = {"images": images, "failures": failures, "states": states, "reading": dataset}
+    if dataset.others:
+        return Joined([demonstrations.open_all(each, **wanted) for each in dataset.paths], dataset.weights)
+    episodes = demonstrations.open_demonstrations(path, limit=dataset.episodes, **wanted)
+    return episodes if latency_ms is None else [with_latency(episode, latency_ms) for episode in episodes]
 
 
 @contextmanager

@@ -20,6 +20,7 @@ from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
+from aerial_il.data.joined import Joined
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import wilson
 from aerial_il.generation.generator import Select
@@ -36,13 +37,14 @@ from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
 from experiments.common.success import failed_seeds, pooled_rows
 
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
-GENERATED, AS_MANY, ALONE = "generated", "as_many", "alone"
+GENERATED, BOTH, AS_MANY, ALONE = "generated", "both", "as_many", "alone"
 NOISY, SIX, NEAREST = "noisy", "six", "nearest"
-ARMS = (GENERATED, AS_MANY, ALONE, NOISY, SIX, NEAREST)
+ARMS = (GENERATED, BOTH, AS_MANY, ALONE, NOISY, SIX, NEAREST)
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
     "inspect_contact",
 )  # fmt: skip
+BESIDE = "gusts"  # where half of what the arm "both" learns from is generated
 WANTED = {"calm": 98.0, "gusts": 90.0, "hard": 95.0}  # % of generated flights, by tier, of the robot of the source
 ACROSS = {"ua_quad_arm4": 95.0, "big_four_z1": 90.0}  # likewise on other robots, in calm air
 CLONES = {"pick_place": (99.0, 95.0), "insert_peg": (98.0, 90.0)}  # % calm and gusts
@@ -73,17 +75,23 @@ class GeneratedFrom(Shown):
 
     Attributes:
         algorithm: how it is cloned. out: of what. flights: how many are generated; it learns from the successes.
+        beside: a further tier in which as many are generated, half of them in each.
     """
 
     algorithm: BC
     out: Out
     flights: int
+    beside: str | None = None
 
     def decided_by(self) -> dict[str, Any]:
-        return {**all_that_decides(self), "out": self.out.decided_by(), "flights": self.flights}
+        beside = {} if self.beside is None else {"beside": self.beside}
+        return {**all_that_decides(self), "out": self.out.decided_by(), "flights": self.flights, **beside}
 
     def train(self, stages: Stages, run: Path) -> Policy:
-        shown = generated(stages, self.out, self.source.robot, self.source.tier, self.flights)
+        tiers = [self.source.tier] if self.beside is None else [self.source.tier, self.beside]
+        each = self.flights // len(tiers)
+        made = [generated(stages, self.out, self.source.robot, tier, each) for tier in tiers]
+        shown = made[0] if len(made) == 1 else Joined(made)
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
 
 
@@ -93,7 +101,7 @@ class Generation:
 
     Attributes:
         policy: what is cloned. cloning: how. robot: of the sources. others: robots that it is generated for, too.
-        tasks: which. compared: those of them on which all arms are flown; others fly the first three.
+        tasks: which. compared: those of them on which all arms are flown; others fly the first four.
         tiers: that it is generated in, the first of which clones learn from; the sources are flown there.
         flown_in: tiers that judge clones. flights: generated for each robot. few: in other tiers.
         noise: of the arm with noise. arms: clones, of which other robots fly the first. draws: of sources and weights.
@@ -186,20 +194,26 @@ class Generation:
             source = self._source(task, draw)
             by_arm: dict[str, GeneratedFrom | Cloned] = {
                 GENERATED: self._generated(GENERATED, Out(source)),
+                BOTH: self._generated(BOTH, Out(source), beside=BESIDE),
                 AS_MANY: Cloned(AS_MANY, replace(source, noise=0.3), self.flights, self.policy, self.cloning),
                 ALONE: Cloned(ALONE, source, 1, self.policy, replace(self.cloning, validation=0.0)),
                 NOISY: self._generated(NOISY, Out(source, noise=self.noise)),
                 SIX: self._generated(SIX, Out(source, sources=6)),
                 NEAREST: self._generated(NEAREST, Out(source, sources=6, select="nearest")),
             }
-            yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in ARMS[:3])
+            yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in ARMS[:4])
         for robot, draw, task in product(self.others, self.draws, self.tasks):
-            if GENERATED in self.arms and (robot, task) in aerial_il.list_cells():
-                yield self._generated(GENERATED, Out(self._source(task, draw)), robot=robot)
+            if (robot, task) in aerial_il.list_cells():
+                out = Out(self._source(task, draw))
+                yield from (
+                    self._generated(arm, out, robot=robot, beside=beside)
+                    for arm, beside in ((GENERATED, None), (BOTH, BESIDE))
+                    if arm in self.arms
+                )
 
-    def _generated(self, arm: str, out: Out, *, robot: str = "") -> GeneratedFrom:
+    def _generated(self, arm: str, out: Out, *, robot: str = "", beside: str | None = None) -> GeneratedFrom:
         judged = replace(out.shown, robot=robot or self.robot)
-        return GeneratedFrom(arm, judged, out.sources, self.policy, self.cloning, out, self.flights)
+        return GeneratedFrom(arm, judged, out.sources, self.policy, self.cloning, out, self.flights, beside)
 
     def _flight_targets(self, rows: list[Row]) -> Iterator[Target]:
         for row in rows:
@@ -217,9 +231,10 @@ NOTES = (
     "has as many sources as draws, each flown as often. Flights: Wilson's 95 % interval over all of them; worst and "
     "best: of single sources. A minute: successes of wall time, recorded.",
     "Clones of what was generated: each training has its own source and weights; other robots' learn from what was "
-    "generated for them out of the same flight. Controls: as_many, a clone of as many flights of the expert with its "
-    "default noise; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
-    "the expert; nearest: out of whichever of these six is nearest.",
+    "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
+    "Controls: as_many, a clone of as many flights of the expert with its default noise; alone, one of the single "
+    "flight. noisy: generated with noise; six: out of six flights of the expert; nearest: out of whichever of these "
+    "six is nearest.",
 )
 
 
@@ -248,9 +263,9 @@ def _clone_rows(results: Mapping[tuple[Any, str], EvaluationResult]) -> Iterator
 
 
 def _clone_targets(rows: list[Row]) -> Iterator[Target]:
-    for row in (row for row in rows if row["arm"] == GENERATED):
+    for row in (row for row in rows if row["arm"] in (GENERATED, BOTH)):
         limits = dict(zip(("calm", "gusts"), CLONES.get(row["task"], OTHER_CLONES), strict=True))
         if row["tier"] in limits:
             spread = f"flights {row['flights_low']} to {row['flights_high']}; worst {row['worst']}, best {row['best']}"
-            what = f"clone of what one flight gave: {row['robot']}, {row['task']}, {row['tier']}"
+            what = f"clone of what one flight gave, {row['arm']}: {row['robot']}, {row['task']}, {row['tier']}"
             yield Target(what, "at least", limits[row["tier"]], row["percent"], "%", spread)

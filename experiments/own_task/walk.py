@@ -1,10 +1,10 @@
-"""A task of one's own, from nothing to a policy that flies it: written, flown six times by keys, learned, evaluated.
+"""A task of one's own, from nothing to a policy: written, flown once by keys, generated from, learned, evaluated.
 
     python -m experiments.own_task.walk --out runs/own_task
 
 The commands are those of the README, run in a copy of this checkout, since ``aerial-il new`` writes into the package.
-Who flies reads the page and presses its keys (``tests/teleop``); it is told nothing else. Each walk takes other flights
-and another seed of training; ``results.json`` keeps successes and minutes.
+Who flies reads the page and presses its keys (``tests/teleop``); it is told nothing else. Each walk takes another
+flight and another seed of training; ``results.json`` keeps successes and minutes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from tests.teleop.chromium import browser
 from tests.teleop.page_reader import Sight, Wish
 
 HERE, ROOT = Path(__file__).resolve().parent, Path(__file__).resolve().parents[2]
-TASK, ROBOT, LIMIT_S = "touch_ball", "fa_hexa_arm4", 60.0
+TASK, ROBOT, LIMIT_S, GENERATED = "touch_ball", "fa_hexa_arm4", 60.0, 200
 
 
 def towards(sight: Sight) -> Wish:
@@ -75,7 +75,9 @@ def walk(out: Path, number: int, flights: int, episodes: int) -> dict[str, Any]:
     clock("new")
     solved = asyncio.run(fly(copy / "datasets" / "mine", seed, flights))
     clock("fly")
-    command("train", "dataset=datasets/mine", "run=runs/mine", f"seed={number}", cwd=copy)
+    command("generate", "dataset=datasets/mine", f"episodes={GENERATED}", "out=datasets/many", cwd=copy)
+    clock("generate")
+    command("train", "dataset=datasets/many", "run=runs/mine", f"seed={number}", cwd=copy)
     clock("train")
     command("evaluate", "policy=runs/mine", f"episodes={episodes}", f"seed={seed + 50}", "out=runs/mine/eval", cwd=copy)
     clock("evaluate")
@@ -88,8 +90,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=Path("runs/own_task"))
     parser.add_argument("--walks", type=int, default=3)
-    parser.add_argument("--flights", type=int, default=6)
-    parser.add_argument("--episodes", type=int, default=40)
+    parser.add_argument("--flights", type=int, default=1)
+    parser.add_argument("--episodes", type=int, default=200)
     args = parser.parse_args()
     args.out = args.out.resolve()
     record = HERE / "results.json"

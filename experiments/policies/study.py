@@ -48,6 +48,7 @@ NOTES = (
     "Loader: the same, with minibatches from torch's DataLoader over a map-style dataset that cuts and normalises "
     "one window at a time in this process; workers: with that many loader processes. Ready: the loader over a "
     "TensorDataset of windows cut and normalised beforehand, which needs memory for every window.",
+    "bfloat16, two_threads: ours, computed in lower precision and by two threads of torch.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 our minibatches are faster.",
 )
 
@@ -142,14 +143,19 @@ class Policies:
         order = Shuffle(len(training), self.batch_size, seed=self.seed)
         windows = OneByOne(demos, interface, config)
         everything = torch.utils.data.TensorDataset(*cast(Minibatch, training.gather(np.arange(len(training)))))
+        own = (cast(Minibatch, training.gather(order[step])) for step in count())
         feeds: dict[str, Iterator[Minibatch]] = {
-            "own": (cast(Minibatch, training.gather(order[step])) for step in count()),
+            "own": own,
             "loader": self._loaded(windows, 0),
             "ready": self._loaded(everything, 0),
         }
         if self.workers:
             feeds["workers"] = self._loaded(windows, self.workers)
-        return {name: self._arm(network, feed) for name, feed in feeds.items()}
+        return {
+            **{name: self._arm(network, feed) for name, feed in feeds.items()},
+            "bfloat16": self._arm(network, own, mixed=True),
+            "two_threads": self._arm(network, own, threads=2),
+        }
 
     def _loaded(self, dataset: Dataset, workers: int) -> Iterator[Minibatch]:
         """Minibatches without end."""
@@ -161,14 +167,16 @@ class Policies:
         )
         return iter(loader)
 
-    def _arm(self, network: ChunkNetwork, feed: Iterator[Minibatch]) -> Arm:
+    def _arm(self, network: ChunkNetwork, feed: Iterator[Minibatch], *, mixed: bool = False, threads: int = 0) -> Arm:
         usual = BC()
         learner = Learner(network, weight_decay=usual.weight_decay, ema=usual.ema, clip_norm=usual.clip_norm)
 
         def learn() -> None:
-            for _ in range(self.steps):
-                loss, logged = network.loss(*next(feed))
-                learner.descend(loss, lr=1e-4, logged=logged)
+            with torch_threads(threads or torch.get_num_threads()):
+                for _ in range(self.steps):
+                    with torch.autocast("cpu", dtype=torch.bfloat16, enabled=mixed):
+                        loss, logged = network.loss(*next(feed))
+                    learner.descend(loss, lr=1e-4, logged=logged)
 
         return Arm(learn, units=self.steps)
 

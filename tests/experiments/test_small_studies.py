@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
 from experiments.pixels.study import POSE
+from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
 
 CLONING, SMALL = BC(steps=10, batch_size=16), {"draws": (0,), "num_envs": 1}
@@ -47,6 +49,15 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "cloning": CLONING,
         "practising": build(BCPPO, {"steps": 20_000, "rollout": {"steps": 8_000}, "reward_patience": 0}),
         "tasks": ("reach",),
+        "demos": 2,
+        "episodes": 2,
+    },
+    "umi": lambda: {
+        "policy": replace(OF_THE_TOOL, width=16),
+        "cloning": CLONING,
+        "tasks": ("reach",),
+        "robots": ("ua_quad_arm4",),
+        "latencies_ms": (0, 40),
         "demos": 2,
         "episodes": 2,
     },
@@ -88,6 +99,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "image_size": (24, 24),
         "episodes": 1,
     },
+    "loader": lambda: {"demonstrations": 2, "steps": 1, "repetitions": 1, "sizes": (2,)},
     "recording": lambda: {"robots": ("ua_quad_arm4",), "demonstrations": 2, "converted": 2, "repetitions": 1},
     "sb3": lambda: {"cells": ("ppo_cartpole",), "seeds": (0, 1), "episodes": 2, "steps_share": 0.02},
     "z1_reach": lambda: {
@@ -102,7 +114,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "curve_episodes": 2,
     },
 }
-REMEASURED = {"recording"}  # of its few seconds nothing is kept
+REMEASURED = {"loader", "recording"}  # of their few minutes nothing is kept
 NEEDS = {"panda": "panda_gym", "sb3": "stable_baselines3"}
 
 

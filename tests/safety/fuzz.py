@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -141,23 +141,24 @@ def _too_slow(number: int, frame: FrameType | None) -> NoReturn:
     raise TooSlowError
 
 
-def comes_back(path: str, changed_ns: int, size: int) -> bool:
-    """Probe as ``hdf5_probe`` does, in a copy of this process, which has imported all, instead of in a new one."""
-    child = os.fork()
-    if not child:
-        try:
-            held, limit = int(Path("/proc/self/statm").read_text().split()[0]), hdf5_probe.MAX_BYTES
-            most = held * os.sysconf("SC_PAGESIZE") + limit
-            sys.argv = ["", path]
-            exec(hdf5_probe.PROGRAM.replace(f"({limit}, {limit})", f"({most}, {most})"), {})
-        finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) >= 0
+def look_at(paths: Iterable[Path]) -> None:
+    """Probe as ``hdf5_probe`` does, in copies of this process, which has imported all, instead of one that is new."""
+    for path in paths:
+        child = os.fork()
+        if not child:
+            try:
+                held, limit = int(Path("/proc/self/statm").read_text().split()[0]), hdf5_probe.MAX_BYTES
+                most = held * os.sysconf("SC_PAGESIZE") + limit
+                program = hdf5_probe.PROBE.replace(f"({limit}, {limit})", f"({most}, {most})")
+                exec(program + "probe(path)", {"path": path})
+            finally:
+                os._exit(0)
+        hdf5_probe.ended[hdf5_probe.known_by(path)] = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
 
 
 def _child(home: Path, kind: str, first: int, last: int) -> None:
     """Write the outcomes of some mutations, one line each."""
-    hdf5_probe.comes_back = comes_back  # type: ignore[assignment]
+    hdf5_probe.look_at = look_at  # type: ignore[assignment]
     scratch = home / f"scratch_{kind}"
     scratch.mkdir(exist_ok=True)
     with open(home / f"{kind}.jsonl", "a") as rows:

@@ -6,6 +6,7 @@ import re
 import sys
 import time
 from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -134,13 +135,19 @@ def test_a_careless_reader_would_be_seen(targets: dict[str, Target], tmp_path: P
 def test_a_copy_of_the_process_probes_a_file_as_a_new_one_does(
     targets: dict[str, Target], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path, torn = str(targets["hdf5"].path), tmp_path / "torn.hdf5"
+    path, torn = targets["hdf5"].path, tmp_path / "torn.hdf5"
     torn.write_bytes(b"torn")
-    assert [fuzz.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
-    assert [hdf5_probe.comes_back(name, 0, 0) for name in (path, str(torn))] == [True, True]
-    monkeypatch.setattr(hdf5_probe, "PROGRAM", "import os, signal; os.kill(os.getpid(), signal.SIGXCPU)")
-    assert not fuzz.comes_back(path, 1, 0)
-    assert not hdf5_probe.comes_back(path, 1, 0)
+
+    def found(look_at: Callable[[Iterable[Path]], None]) -> list[bool]:
+        hdf5_probe.ended.clear()
+        look_at([torn, path])
+        return [hdf5_probe.ended[hdf5_probe.known_by(each)] >= 0 for each in (path, torn)]
+
+    assert found(fuzz.look_at) == found(hdf5_probe.look_at) == [True, True]
+    dies = "def probe(path):\n    b'torn' in os.fsencode(path) and os.kill(os.getpid(), 24)  # SIGXCPU"
+    for name in ("PROBE", "PROGRAM"):
+        monkeypatch.setattr(hdf5_probe, name, getattr(hdf5_probe, name).replace("def probe(path):", dies))
+    assert found(fuzz.look_at) == found(hdf5_probe.look_at) == [True, False], "and the next file is looked at"
 
 
 @pytest.mark.slow

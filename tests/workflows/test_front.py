@@ -161,3 +161,16 @@ def test_the_reward_is_paid_along_the_first_demonstration(tmp_path: Path) -> Non
     assert run_results.rewarded(run, str(tmp_path / "nowhere")) == {}
     (folder / "reward").rename(tmp_path / "elsewhere")
     assert run_results.rewarded(run, str(recorded)) == {}, "nothing was learned"
+
+
+def test_datasets_are_made_of_others(tmp_path: Path) -> None:
+    one = aerial_il.collect("fa_hexa_arm4", "press_button", episodes=1, expert={"noise": 0.0}, out=tmp_path / "one")
+    assert len(one) == 1
+    calm = aerial_il.generate(tmp_path / "one", episodes=3, out=tmp_path / "calm", progress=False)
+    gusts = aerial_il.generate(tmp_path / "one", episodes=2, tier="gusts", out=tmp_path / "gusts", progress=False)
+    both = aerial_il.merge(tmp_path / "calm", tmp_path / "gusts", out=tmp_path / "both", mix=True, progress=False)
+    assert sorted(both.uids) == sorted([*calm.uids, *gusts.uids])
+    kept = aerial_il.filter(tmp_path / "both", "tier == 'gusts'", out=tmp_path / "kept", progress=False)
+    assert sorted(kept.uids) == sorted(gusts.uids)
+    parts = aerial_il.split(tmp_path / "both", parts=["a=0.6", "b=0.4"], out=tmp_path / "parts", progress=False)
+    assert {name: len(part) for name, part in parts.items()} == {"a": 3, "b": 2}

@@ -12,22 +12,22 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.checkpoint import Checkpoint, digest
-from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.memory import MEMORY
 from aerial_il.data.windows import Batch, Windows
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicySettings, Shown, shown
-from aerial_il.policies.parts.normaliser import Normaliser
+from aerial_il.policies.parts.normaliser import Normaliser, Samples
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
 
-GIB = 2**30
+GIB, ROOM = 2**30, 0.9  # the share of the room that is taken
 BLOCK = 8192  # windows at once
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
 VALIDATE = "Find out more: aerial-il validate PATH"
@@ -57,10 +57,10 @@ def read_demos(
 
     Raises:
         InvalidValueError: there is no success, episodes come from different environments, a value is not finite, or
-            the images do not fit into memory.
+            there is no room for them.
         UnknownNameError: the episodes lack an observation field.
     """
-    demos = [episode for episode in _within_memory(dataset, policy) if episode.success or failures]
+    demos = [episode for episode in _held(dataset) if episode.success or failures]
     if not demos:
         hint = "Record some: aerial-il collect robot=R task=T episodes=100 out=datasets/NAME"
         raise InvalidValueError(f"The dataset holds no successful demonstration. {hint}")
@@ -71,20 +71,20 @@ def read_demos(
     return layout, demos
 
 
-def _within_memory(dataset: Iterable[Episode], policy: PolicySettings) -> Iterator[Episode]:
-    """Yield the episodes, which are kept by the caller, as long as the images of those to come will fit."""
+def _held(dataset: Iterable[Episode]) -> Iterator[Episode]:
+    """Yield the episodes, which are kept by the caller, as long as there is room for those to come."""
     count, held = len(dataset) if isinstance(dataset, Dataset) else 0, 0  # others are in memory already
     for number, episode in enumerate(dataset, start=1):
-        held += sum(episode.obs[name].nbytes for name in policy.images if name in episode.obs)
-        to_come, free = held // number * (count - number), free_memory_bytes()
-        if held and to_come > 0.9 * free:
-            size, limit = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + free) / GIB:.1f} GiB"
+        held += episode.nbytes
+        to_come, room = held // number * (count - number), MEMORY.room_bytes()
+        if to_come > ROOM * room:
+            size, limit = f"{(held + to_come) / GIB:.1f} GiB", f"{(held + room) / GIB:.1f} GiB"
             raise InvalidValueError(
-                f"The images {', '.join(policy.images)} of {count} episodes take about {size} of memory; {limit} are "
-                "free. Train on fewer episodes (dataset.episodes=N), on fewer cameras (policy.images=[...]), or on "
-                "smaller images (aerial-il collect image_size=[64,64])."
+                f"{count} episodes take about {size}; there is room for {limit}, in memory and in files "
+                "(see dataset.held_mb, TMPDIR). Train on fewer episodes (dataset.episodes=N), on fewer cameras "
+                "(policy.images=[...]), or on smaller images (aerial-il collect image_size=[64,64])."
             )
-        yield episode
+        yield MEMORY.keep(episode) if count else episode
 
 
 def _check(episode: Episode, layout: Layout) -> None:
@@ -152,10 +152,13 @@ def window_weights(weights: np.ndarray, windows: Windows) -> np.ndarray | None:
     return None if np.ptp(weights) == 0 else weights[windows.episode]
 
 
+def _indices(windows: Windows) -> Iterator[np.ndarray]:
+    """Yield the places of all windows in their order, some at a time: together they take much more room than rows."""
+    return (np.arange(start, min(start + BLOCK, len(windows))) for start in range(0, len(windows), BLOCK))
+
+
 def _blocks(windows: Windows) -> Iterator[Batch]:
-    """Yield all windows in their order, some at a time: together they take many times the room of what they show."""
-    for start in range(0, len(windows), BLOCK):
-        yield windows[np.arange(start, min(start + BLOCK, len(windows)))]
+    return (windows[index] for index in _indices(windows))
 
 
 def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
@@ -173,16 +176,10 @@ def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
 
 def fit_interface(layout: Layout, windows: Windows, policy: PolicySettings) -> Interface:
     """Fit normalisers and switches of ``layout``: observations as related frames, anchored actions as offsets."""
-    frames, targets = [], np.empty((len(windows) * windows.chunk, layout.spec.action.size), np.float32)
-    filled = 0
-    for obs, actions, is_pad in _blocks(windows):
-        frames.append(layout.relate(obs[:, -1]))
-        shown = to_offsets(layout, actions, obs)[~is_pad]
-        targets[filled : filled + len(shown)] = shown
-        filled += len(shown)
-    targets = targets[:filled]
+    frames = Samples(lambda: (layout.relate(windows.present(index)) for index in _indices(windows)))
+    targets = Samples(lambda: (to_offsets(layout, b.actions, b.obs)[~b.is_pad] for b in _blocks(windows)))
     action = Normaliser.fit(targets, policy.action_scaling, reach=layout.spec.action.reach)
-    return Interface(layout, Normaliser.fit(np.concatenate(frames)), action, policy.obs_clip, Switches.fit(targets))
+    return Interface(layout, Normaliser.fit(frames), action, policy.obs_clip, Switches.fit(targets))
 
 
 class TrainingSet:
@@ -196,14 +193,22 @@ class TrainingSet:
 
     def __init__(self, windows: Windows, interface: Interface, device: str = "cpu") -> None:
         self._windows, self._interface, self._device = windows, interface, device
+        self._encoded = windows.mapped(interface.encode_obs, interface.action.normalise)
+        self._moving = int(interface.layout.moving.sum())
+        self._scaler = interface.action.first(self._moving).tiled(windows.chunk)
+        self._moved = windows.mapped(interface.layout.origin_of, lambda actions: actions[:, : self._moving])
 
     def __len__(self) -> int:
         return len(self._windows)
 
     def gather(self, index: np.ndarray) -> tuple[Shown, Tensor, Tensor]:
         """Return what is shown (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
-        obs, actions, is_pad = self._windows[index]
-        inputs, targets = self._interface.encode_obs(obs), self._interface.encode_actions(actions, obs)
+        inputs, targets, is_pad = self._encoded[index]
+        if self._moving:  # what is counted from the window's own last frame cannot be encoded before
+            origins, moving, _ = self._moved[index]
+            counted = self._interface.layout.counted(moving, origins[:, -1:])
+            scaled = self._scaler.normalise(counted.reshape(len(index), -1))
+            targets[..., : self._moving] = scaled.reshape(counted.shape)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
         encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
         images = {n: torch.from_numpy(image).to(self._device) for n, image in self._windows.images(index).items()}

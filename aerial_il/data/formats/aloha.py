@@ -20,6 +20,7 @@ from PIL import Image
 from aerial_il.core.errors import DemoError
 from aerial_il.core.specs import image_name
 from aerial_il.data.formats.parts.hdf5 import child, holds, later, numbered, opened
+from aerial_il.data.formats.parts.hdf5_probe import look_at
 from aerial_il.data.source import Later, Raw, Source, Wanted
 
 PERIOD_S, NUMBERS = 0.02, ("qpos", "qvel", "effort")
@@ -27,6 +28,8 @@ PERIOD_S, NUMBERS = 0.02, ("qpos", "qvel", "effort")
 
 def recognises(path: Path) -> bool:
     files = _files(path)
+    if path.is_dir():
+        look_at(file for file in files if file.is_file())
     return bool(files) and holds(files[0], "observations/qpos", "action")
 
 

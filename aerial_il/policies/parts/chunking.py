@@ -61,11 +61,19 @@ class ActionPlan:
         chunk: actions Ta in a chunk.
         execute: steps between two chunks, in [1, chunk].
         coefficient: decay of the weights; None for the newest chunk alone.
+        delay: actions at the front of every chunk that come too late to be flown; as many that were sent are kept.
     """
 
-    def __init__(self, chunk: int, execute: int = 1, coefficient: float | None = 0.01) -> None:
+    def __init__(self, chunk: int, execute: int = 1, coefficient: float | None = 0.01, *, delay: int = 0) -> None:
         if not 1 <= execute <= chunk:
             raise InvalidValueError(f"execute is {execute}; it must lie in [1, {chunk}], the length of a chunk.")
+        if not 0 <= delay <= chunk - execute:
+            raise InvalidValueError(
+                f"A delay of {delay} steps must lie in [0, {chunk - execute}]: of {chunk} actions in a chunk {execute} "
+                "are flown. Train with a longer policy.chunk, or a shorter policy.execute."
+            )
+        chunk, self.delay = chunk - delay, delay
+        self._sent, self._known = np.zeros((0, delay, 0), np.float32), np.zeros((0, delay), bool)
         self.chunk, self.execute, self.coefficient = chunk, execute, coefficient
         self._weight = np.exp(-(coefficient or 0.0) * np.arange(chunk + 1)).astype(np.float32)
         self._total = np.concatenate([[0.0], np.cumsum(self._weight)]).astype(np.float32)
@@ -82,9 +90,11 @@ class ActionPlan:
     def add(self, chunks: np.ndarray, mask: np.ndarray) -> None:
         """Fold the chunks (m, Ta, Da) of the m worlds in ``mask`` (n,) into their plans."""
         if not len(self._mean):
-            self._mean = np.zeros((len(mask), *chunks.shape[1:]), np.float32)
+            self._mean = np.zeros((len(mask), self.chunk, chunks.shape[2]), np.float32)
             self._count, self._age = np.zeros((len(mask), self.chunk), np.int64), np.zeros(len(mask), np.int64)
-        rows = slice(None) if mask.all() else mask
+            self._sent = np.zeros((len(mask), self.delay, chunks.shape[2]), np.float32)
+            self._known = np.zeros((len(mask), self.delay), bool)
+        rows, chunks = slice(None) if mask.all() else mask, chunks[:, self.delay :]
         if self.coefficient is None:
             self._mean[rows] = chunks
             self._count[rows] = 1
@@ -102,7 +112,26 @@ class ActionPlan:
         self._count[:, :-1] = self._count[:, 1:]
         self._mean[:, -1] = self._count[:, -1] = 0
         self._age += 1
+        if self.delay:
+            self._sent = np.concatenate([self._sent, action[:, None]], 1)[:, 1:]
+            self._known = np.pad(self._known, ((0, 0), (0, 1)), constant_values=True)[:, 1:]
         return action
+
+    def empty(self) -> ActionPlan:
+        """Return another one that is alike, with nothing planned."""
+        return ActionPlan(self.chunk + self.delay, self.execute, self.coefficient, delay=self.delay)
+
+    def committed(self, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Return, for the worlds in ``mask`` (n,), the actions from ``delay`` steps ago on that were sent or planned.
+
+        Returns:
+            (m, Ta, Da), and where there are any, (m, Ta) bool; a world that has sent too few has none. None before the
+            first chunk.
+        """
+        if not len(self._mean):
+            return None
+        actions, known = np.concatenate([self._sent, self._mean], 1), np.concatenate([self._known, self._count > 0], 1)
+        return actions[mask], (known & self._known.all(1, keepdims=True))[mask]
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the plans of the worlds in ``mask`` (n,), or all of them and their number."""
@@ -110,11 +139,15 @@ class ActionPlan:
             self._mean = self._mean[:0]
         elif len(self._mean):
             self._mean[mask] = self._count[mask] = 0
+            self._known[mask] = False
 
     def memory(self) -> dict[str, np.ndarray]:
-        """Return copies of all that is planned."""
-        return {"mean": self._mean.copy(), "count": self._count.copy(), "age": self._age.copy()}
+        """Return copies of all that is planned, and of what was sent where that is kept."""
+        sent = {"sent": self._sent.copy(), "known": self._known.copy()} if self.delay else {}
+        return {"mean": self._mean.copy(), "count": self._count.copy(), "age": self._age.copy(), **sent}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Plan what :meth:`memory` returned."""
         self._mean, self._count, self._age = (memory[name].copy() for name in ("mean", "count", "age"))
+        if self.delay:
+            self._sent, self._known = memory["sent"].copy(), memory["known"].copy()

@@ -28,7 +28,7 @@ UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size"
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
 
 
-class Execution(Protocol):
+class ChunkSettings(Protocol):
     """How chunks are flown; see :class:`~aerial_il.policies.parts.network.PolicySettings`."""
 
     @property
@@ -43,6 +43,10 @@ class Execution(Protocol):
     def ensemble(self) -> float | None: ...
 
 
+OF_THE_TOOL = ("ee_pos", "ee_rot6d", "gripper", "wrist_force")  # what robots tell that is alike on all of them
+ANY_ROBOT = " A policy that sees the tool alone flies other robots too: train one with policy=diffusion_umi."
+
+
 class FlyingPolicy(ABC):
     """Flies chunks of actions, which :meth:`answer` gives, in n worlds at once.
 
@@ -55,7 +59,7 @@ class FlyingPolicy(ABC):
 
     def __init__(
         self,
-        config: Execution,
+        config: ChunkSettings,
         interface: Interface,
         *,
         noise_size: int,
@@ -110,9 +114,13 @@ class FlyingPolicy(ABC):
             rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
             first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
             noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
+            self._prepare(history[rows], obs, due)
             self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
         planned = self.interface.switches.snap(self._plan.pop())
         return self.spec.action.clip(planned.astype(np.float64))
+
+    def _prepare(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> None:  # noqa: B027
+        """Get ready to predict for the m worlds in ``due`` (n,), which see ``history`` (m, To, Do)."""
 
     def predict(
         self,
@@ -161,6 +169,9 @@ class FlyingPolicy(ABC):
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
         self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
+        if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
+            flown = self.spec.robot, env.spec.robot
+            log.warning("Trained on %s, it flies %s: all it knows of a robot is its tool.", *flown)
         for own, name in self._shown_for.items():
             log.warning("The policy's %s is the environment's %s, the only field of its shape.", own, name)
 
@@ -170,12 +181,15 @@ class FlyingPolicy(ABC):
         check_cameras(self.interface.layout, spec)
         spec = as_one_of(self.spec, spec)
         untold = UNTOLD if self.spec.is_foreign and self.spec.action.size == spec.action.size else ()
+        of_the_tool = self.interface.layout.relative and suits_other_robots(self.spec, self._seen)
+        across = ("robot",) if of_the_tool else ()
         differing = _restrict(self.spec, self._seen).differences(
-            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold)
+            _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
         )
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
-            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.")
+            hint = ANY_ROBOT if spec.robot != self.spec.robot and spec.action == self.spec.action else ""
+            raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.{hint}")
 
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
@@ -209,3 +223,9 @@ class FlyingPolicy(ABC):
 
 def _restrict(spec: EnvSpec, names: tuple[str, ...]) -> EnvSpec:
     return replace(spec, observation=ObservationSpec(tuple(f for f in spec.observation.fields if f.name in names)))
+
+
+def suits_other_robots(spec: EnvSpec, seen: tuple[str, ...]) -> bool:
+    """Whether a policy in the tool's own frame sees, of the robot in ``spec``, no more than its tool."""
+    told = {field.name for field in spec.observation.of_group("proprio")}
+    return told & {*seen} <= {*OF_THE_TOOL}

@@ -163,6 +163,14 @@ class Layout:
         """Return the end effector's pose in the world (..., 9), position and rot6d."""
         return np.concatenate([frames[..., self._columns(name)] for name in TOOL], axis=-1)
 
+    def origin_of(self, frames: np.ndarray) -> np.ndarray:
+        """Return what the moving elements of an action are counted from (..., k)."""
+        return self.tool_of(frames) if self.relative else self.offset_of(frames)
+
+    def counted(self, moving: np.ndarray, origin: np.ndarray) -> np.ndarray:
+        """Return the moving elements of actions (..., k), which come first, counted from :meth:`origin_of`."""
+        return into_tool(moving, origin) if self.relative else moving - origin
+
     def _check_relative(self) -> None:
         if self.spec.action.level != "ee_pose":
             raise InvalidValueError(
@@ -256,10 +264,8 @@ class Interface:
 
 def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.ndarray:
     """Return actions (B, Ta, Da) with what is anchored or relative counted from the last frame of ``history``."""
-    actions = actions.copy()
-    if layout.relative:
-        actions[..., :POSE] = into_tool(actions[..., :POSE], layout.tool_of(history[:, -1:]))
-    actions[..., : layout.anchored] -= layout.offset_of(history[:, -1:])
+    actions, moving = actions.copy(), slice(0, layout.moving.sum())
+    actions[..., moving] = layout.counted(actions[..., moving], layout.origin_of(history[:, -1:]))
     return actions
 
 

@@ -57,10 +57,12 @@ class ChunkNetwork(nn.Module, ABC):
     Attributes:
         noise_size: numbers S that one prediction takes.
         redraws: whether each prediction gets new ones; else an episode keeps its own.
+        guided: whether it denoises, and can be led while it does: ``forward(obs, noise, guide)``, see ``guiding.py``.
     """
 
     noise_size: int = 0
     redraws: bool = False
+    guided: bool = False
 
     @abstractmethod
     def forward(self, obs: Any) -> Tensor:

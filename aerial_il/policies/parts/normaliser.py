@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -21,14 +21,38 @@ def hardly_varies(spread: np.ndarray, size: np.ndarray) -> np.ndarray:
     return spread <= np.maximum(HARDLY * size, ROUNDING * size.max(initial=0.0))
 
 
-def _moments(data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return mean and standard deviation (D,) of ``data`` (N, D), which is not copied as a whole."""
-    if data.shape[1] == 1:  # summed up by NumPy in another order
+class Samples:
+    """Samples (N, D) that need not fit into memory: ``blocks`` returns them anew, some at a time."""
+
+    def __init__(self, blocks: Callable[[], Iterable[np.ndarray]]) -> None:
+        self._blocks = blocks
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return iter(self._blocks())
+
+    @staticmethod
+    def of(data: np.ndarray) -> Samples:
+        """Return the samples of an array."""
+        return Samples(lambda: (data[start : start + BLOCK] for start in range(0, len(data), BLOCK)))
+
+
+def _moments(samples: Samples, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and standard deviation (D,)."""
+    first = next(iter(samples))
+    if first.shape[1] == 1:  # summed up by NumPy in another order
+        data = np.concatenate([*samples])
         return data.mean(0, dtype=np.float64), data.std(0, dtype=np.float64)
-    mean, square = data.mean(0, dtype=np.float64), np.zeros(data.shape[1])
-    for start in range(0, len(data), BLOCK):
-        square = np.add.reduce(np.concatenate([square[None], (data[start : start + BLOCK] - mean) ** 2]))
-    return mean, np.sqrt(square / len(data))
+    mean = _sum(samples, lambda block: block.astype(np.float64)) / count
+    return mean, np.sqrt(_sum(samples, lambda block: (block - mean) ** 2) / count)
+
+
+def _sum(samples: Samples, of: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Return the sum (D,) over all rows one after the other, as of one array: the last bit depends on the order."""
+    total: np.ndarray | None = None
+    for block in samples:
+        total = np.add.reduce(of(block) if total is None else np.concatenate([total[None], of(block)]))
+    assert total is not None
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +89,9 @@ class Normaliser:
         return bool((self.centre == 0).all() and (self.scale == 1).all())
 
     @staticmethod
-    def fit(data: np.ndarray, scaling: Scaling = "standard", *, reach: np.ndarray | None = None) -> Normaliser:
+    def fit(
+        data: np.ndarray | Samples, scaling: Scaling = "standard", *, reach: np.ndarray | None = None
+    ) -> Normaliser:
         """Fit to ``data`` (N, D), whatever unit each element has.
 
         Args:
@@ -77,12 +103,15 @@ class Normaliser:
             The normaliser; elements that hardly vary are centred and otherwise left in their own units if they are
             small, and divided by their size if that is above 1.
         """
-        if data.ndim != 2 or len(data) == 0:
-            raise InvalidValueError(f"Normalisation needs samples (N, D) with N > 0, got shape {data.shape}.")
+        if isinstance(data, np.ndarray):
+            if data.ndim != 2 or len(data) == 0:
+                raise InvalidValueError(f"Normalisation needs samples (N, D) with N > 0, got shape {data.shape}.")
+            data = Samples.of(data)
         if scaling not in get_args(Scaling):
             raise InvalidValueError(f"Unknown scaling {scaling!r}. Valid: {', '.join(get_args(Scaling))}.")
-        low, high = data.min(0).astype(np.float64), data.max(0).astype(np.float64)
-        centre, scale = _moments(data) if scaling == "standard" else ((high + low) / 2, (high - low) / 2)
+        lows, highs, counts = zip(*((block.min(0), block.max(0), len(block)) for block in data), strict=True)
+        low, high, count = np.min(lows, 0).astype(np.float64), np.max(highs, 0).astype(np.float64), sum(counts)
+        centre, scale = _moments(data, count) if scaling == "standard" else ((high + low) / 2, (high - low) / 2)
         size = np.maximum(np.abs(low), np.abs(high))
         constant = hardly_varies(
             scale, size if reach is None else np.where(np.isfinite(reach), np.maximum(size, reach), size)
@@ -93,6 +122,14 @@ class Normaliser:
     def normalise(self, x: np.ndarray) -> np.ndarray:
         """Scale ``x`` (..., D) to float32."""
         return ((x - self.centre) / self.scale).astype(np.float32, copy=False)
+
+    def first(self, size: int) -> Normaliser:
+        """Return the map of the first ``size`` elements alone."""
+        return Normaliser(self.centre[:size], self.scale[:size])
+
+    def tiled(self, times: int) -> Normaliser:
+        """Return the map of so many samples side by side, (times * D,): NumPy is fast along long rows only."""
+        return Normaliser(np.tile(self.centre, times), np.tile(self.scale, times))
 
     def denormalise(self, z: np.ndarray) -> np.ndarray:
         """Return values in the data's units for ``z`` (..., D)."""

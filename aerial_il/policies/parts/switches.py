@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerial_il.policies.parts.normaliser import Samples
+
 MOST = 4  # values that a switched element may take in all
 MAIN_SHARE = 0.95  # of the steps, in which it takes one of its two main ones
 
@@ -29,19 +31,20 @@ class Switches:
     high: np.ndarray
 
     @staticmethod
-    def fit(actions: np.ndarray) -> Switches:
+    def fit(actions: np.ndarray | Samples) -> Switches:
         """Find the elements of demonstrated actions (N, Da) that take two values, but for few steps with others.
 
         A choice among several, shown as a 1 among zeros, is flown by its highest score: none of its elements is a
         switch, or scores below a half would all become zeros.
         """
-        if _is_choice(actions):
-            return Switches.none(actions.shape[1])
-        pairs = np.full((actions.shape[1], 2), np.nan, np.float32)
-        for element, column in enumerate(actions.T):
-            values, counts = np.unique(column, return_counts=True)
+        samples = Samples.of(actions) if isinstance(actions, np.ndarray) else actions
+        size = next(iter(samples)).shape[1]
+        if all(map(_is_choice, samples)):
+            return Switches.none(size)
+        pairs = np.full((size, 2), np.nan, np.float32)
+        for element, (values, counts) in _few_values(samples).items():
             main = np.sort(np.argsort(-counts, kind="stable")[:2])
-            if 2 <= len(values) <= MOST and counts[main].sum() >= MAIN_SHARE * len(column):
+            if len(values) >= 2 and counts[main].sum() >= MAIN_SHARE * counts.sum():
                 pairs[element] = values[main]
         return Switches(*pairs.T)
 
@@ -67,6 +70,27 @@ class Switches:
     def from_arrays(arrays: Mapping[str, np.ndarray]) -> Switches:
         """Rebuild from :meth:`arrays`."""
         return Switches(arrays["switches.low"], arrays["switches.high"])
+
+
+def _few_values(samples: Samples) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    """Return the values, in order, and the count of each, of the elements that take few."""
+    found: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    for number, block in enumerate(samples):
+        for element in found if number else range(block.shape[1]):
+            values, counts = np.unique(block[:, element], return_counts=True)
+            if number:
+                values, counts = _merged(*found[element], values, counts)
+            found[element] = values, counts
+        found = {element: each for element, each in found.items() if len(each[0]) <= MOST}
+    return found
+
+
+def _merged(
+    values: np.ndarray, counts: np.ndarray, others: np.ndarray, more: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return all values and the count of each."""
+    every, places = np.unique(np.concatenate([values, others]), return_inverse=True)
+    return every, np.bincount(places, np.concatenate([counts, more]), len(every)).astype(int)
 
 
 def _is_choice(actions: np.ndarray) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.data.dataset import open_dataset
+from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.reading import AS_IT_SAYS, Reading
 
@@ -36,7 +36,7 @@ def open_demonstrations(
         InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
     """
     if limit is None:
-        return open_dataset(path, **reading.answers, cameras=tuple(images), failures=failures, states=states)
+        return open_all(path, images=images, failures=failures, states=states, reading=reading)
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
@@ -54,6 +54,11 @@ def open_demonstrations(
             [episode.uid for episode in chosen]
         )
     return chosen
+
+
+def open_all(path: str, *, images: Sequence[str], failures: bool, states: bool, reading: Reading) -> Dataset:
+    """Open all of a dataset; see :func:`open_demonstrations`."""
+    return open_dataset(path, **reading.answers, cameras=tuple(images), failures=failures, states=states)
 
 
 def warn_of_changes(path: str, reading: Reading = AS_IT_SAYS) -> None:

@@ -13,13 +13,13 @@ import torch
 
 from aerial_il.algorithms.bc import BC, with_noise
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.algorithms.supervised import training_set
 from aerial_il.algorithms.supervised.loader import Loader
 from aerial_il.algorithms.supervised.training_set import TrainingSet, cut_windows, fit_interface, read_demos
 from aerial_il.core import checkpoint
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.dataset import AHEAD, Dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.memory import MEMORY
 from aerial_il.data.survey import Survey
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import Seen
@@ -141,8 +141,8 @@ def test_images_that_will_not_fit_are_refused_with_their_size(
     """After the first episode, not when the memory is full."""
     read: list[int] = []
     loaders = {str(i): lambda i=i: read.append(i) or demos[0] for i in range(1000)}
-    monkeypatch.setattr(training_set, "free_memory_bytes", lambda: 2**24)
-    with pytest.raises(InvalidValueError, match=r"wrist_rgb of 1000 episodes take about 0\.\d GiB.*0\.0 GiB are free"):
+    monkeypatch.setattr(MEMORY, "room_bytes", lambda: 2**24)
+    with pytest.raises(InvalidValueError, match=r"1000 episodes take about 0\.\d GiB; there is room for 0\.0 GiB"):
         read_demos(Dataset(Path("demos"), Survey(loaders)), EYES)
     assert len(read) <= 1 + AHEAD, "no more than what is read ahead"
 

@@ -12,7 +12,7 @@ import signal
 import stat
 import subprocess
 import sys
-from functools import lru_cache
+from collections.abc import Iterable
 from pathlib import Path
 
 from aerial_il.core.errors import DemoError
@@ -23,12 +23,8 @@ NAMES = (  # of attributes, asked for although the list of them may be damaged
     *("uid", "spec", "provenance", "success", "digest", "num_samples", "model_file", "total", "env_args"),
     *("id", "total_steps"),
 )
-PROGRAM = f"""
+PROBE = f"""
 import os, resource, sys
-limit = {MAX_S} + os.path.getsize(sys.argv[1]) // {BYTES_PER_S}
-resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
-resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-resource.setrlimit(resource.RLIMIT_AS, ({MAX_BYTES}, {MAX_BYTES}))
 import h5py
 def tried(read):
     try:
@@ -47,8 +43,12 @@ def inside(group):
         if isinstance(tried(lambda: group.get(name, getlink=True)), h5py.HardLink):
             yield tried(lambda: group[name])
 NAMES = {NAMES}
-try:
-    with h5py.File(sys.argv[1], "r") as file:
+def probe(path):
+    limit = {MAX_S} + os.path.getsize(path) // {BYTES_PER_S}
+    resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_AS, ({MAX_BYTES}, {MAX_BYTES}))
+    with h5py.File(path, "r") as file:
         found, seen = [file], set()
         while found:
             item = found.pop()
@@ -57,9 +57,18 @@ try:
                 seen.add(place)
                 visit(item)
                 found += inside(item) if isinstance(item, h5py.Group) else ()
-except Exception:
-    pass
 """
+PROGRAM = f"""{PROBE}
+for path in sys.stdin.buffer.read().split(bytes(1)):
+    child = os.fork()
+    if not child:
+        tried(lambda: probe(path))
+        os._exit(0)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+ended: dict[tuple[str, int, int], int] = {}  # how the process ended that looked at a file, by what changes with it
 
 
 def require_readable(path: Path) -> None:
@@ -68,17 +77,31 @@ def require_readable(path: Path) -> None:
     Raises:
         DemoError: it would not have come back, or is a pipe or a device.
     """
-    found = path.stat()
-    if not stat.S_ISREG(found.st_mode):
-        raise DemoError(path, "is not a regular file.")
-    if not comes_back(str(path), found.st_mtime_ns, found.st_size):
+    look_at([path])
+    how = ended.get(known_by(path), -signal.SIGKILL)
+    if how == -signal.SIGKILL:
+        raise DemoError(path, "could not be looked at: the process that did so was killed.", hint="Is memory short?")
+    if how < 0:
         raise DemoError(path, "is damaged: the HDF5 library does not come back from it.")
 
 
-@lru_cache(maxsize=4096)  # a dataset may be as many files, each looked at more than once
-def comes_back(path: str, changed_ns: int, size: int) -> bool:
-    words = [sys.executable, "-I", "-c", PROGRAM, os.path.abspath(path)]
-    ended = subprocess.run(words, capture_output=True, check=False).returncode
-    if ended == -signal.SIGKILL:
-        raise DemoError(path, "could not be looked at: the process that did so was killed.", hint="Is memory short?")
-    return ended >= 0
+def look_at(paths: Iterable[Path]) -> None:
+    """Look at several files at once, each in a process of its own, which one that has the library loaded forks.
+
+    Raises:
+        DemoError: one is a pipe or a device.
+    """
+    unknown = {os.path.abspath(path): key for path in paths if (key := known_by(path)) not in ended}
+    if unknown:
+        given = b"\0".join(map(os.fsencode, unknown))
+        probe = subprocess.run([sys.executable, "-I", "-c", PROGRAM], input=given, capture_output=True, check=False)
+        found = map(int, probe.stdout.split())
+        ended.update((key, how) for key, how in zip(unknown.values(), found, strict=False) if how != -signal.SIGKILL)
+
+
+def known_by(path: Path) -> tuple[str, int, int]:
+    """Return what changes with a regular file."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise DemoError(path, "is not a regular file.")
+    return str(path), found.st_mtime_ns, found.st_size
