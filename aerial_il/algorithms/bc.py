@@ -187,13 +187,13 @@ class BC:
         """Return what :meth:`train` learns from and what it holds out with this ``seed``; refuse what it refuses."""
         selection = replace(self.selection, failures=self.selection.failures or 1.0) if failures else self.selection
         layout, demos = read_demos(dataset, policy, failures=selection.failures > 0)
-        if weights is None and isinstance(dataset, Joined):
-            weights = dataset.weights_of(demos)
         demos, shares = selection.apply(demos, weights)
         demos = [self.waypoints.apply(demo) for demo in demos]
         kept, held_out = split(list(zip(demos, shares.tolist(), strict=True)), self.validation, seed=seed)
-        kept_shares = np.array([share for _, share in kept])
-        return Demonstrations(layout, [demo for demo, _ in kept], kept_shares, [demo for demo, _ in held_out])
+        demos, shares = [demo for demo, _ in kept], np.array([share for _, share in kept])
+        if isinstance(dataset, Joined):
+            shares = dataset.weighted(demos, shares)
+        return Demonstrations(layout, demos, shares, [demo for demo, _ in held_out])
 
     @property
     def evaluate_every(self) -> int:

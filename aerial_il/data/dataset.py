@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import os
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -124,6 +125,11 @@ class Dataset:
         """Return the dataset of some of the episodes, in the order of ``uids``."""
         return Dataset(self.path, Survey({uid: self._loaders[uid] for uid in uids}), strict=self.strict)
 
+    def mapped(self, change: Callable[[Episode], Episode]) -> Dataset:
+        """Return the dataset of what ``change`` makes of each episode once that is read."""
+        loaders = {uid: partial(_changed, load, change) for uid, load in self._loaders.items()}
+        return Dataset(self.path, Survey(loaders), strict=self.strict)
+
     def problems(self) -> Iterator[tuple[str, DemoError | None]]:
         """Read every episode; yield its uid and why it cannot be used, or None; those left out at once come first."""
         yield from self.survey.left_out.items()
@@ -195,6 +201,10 @@ def _dataset(source: Source, wanted: Wanted) -> Dataset:
         raise DemoError(source.path, "holds no demonstrations.", hint=COLLECT.format(source.path))
     parts = [_dataset(part, wanted) for part in source.parts]
     return Dataset(source.path, survey, parts, strict=wanted.strict)
+
+
+def _changed(load: Loader, change: Callable[[Episode], Episode]) -> Episode:
+    return change(load())
 
 
 def altered_files(path: str | os.PathLike[str]) -> list[Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -31,12 +30,12 @@ class Joined(Dataset):
 
     def __init__(self, datasets: Sequence[Dataset], weights: Sequence[float] = ()) -> None:
         _check_weights(datasets, weights)
-        self._shares = tuple(weights)
+        self._shares, self._paths = tuple(weights), [dataset.path for dataset in datasets]
         self._of: dict[str, int] = {}
         loaders: dict[str, Loader] = {}
         for number, (dataset, spec) in enumerate(zip(datasets, _agreed(datasets), strict=True)):
             for name in dataset.uids:
-                uid = f"{dataset.path.stem}/{name}" if spec.is_foreign else name  # others count their episodes from 0
+                uid = f"{dataset.path.resolve()}/{name}" if spec.is_foreign else name  # others count from 0
                 if uid in loaders:
                     there = datasets[self._of[uid]].path
                     raise InvalidValueError(f"{there} and {dataset.path} both hold episode {uid}: name one of them.")
@@ -44,14 +43,23 @@ class Joined(Dataset):
         parts = [part for dataset in datasets for part in dataset.parts]
         super().__init__(datasets[0].path, Survey(loaders), parts, strict=datasets[0].strict)
 
-    def weights_of(self, demos: Sequence[Episode]) -> list[float] | None:
-        """Return how often a step of each episode is to be learned from, relative to others, or None where alike."""
+    def weighted(self, demos: Sequence[Episode], weights: np.ndarray) -> np.ndarray:
+        """Return ``weights`` (E,) of the demonstrations to train on, such that each dataset has its share of the steps.
+
+        Raises:
+            InvalidValueError: nothing is left of one that has a share.
+        """
         if not self._shares:
-            return None
-        steps = Counter[int]()
-        for demo in demos:
-            steps[self._of[demo.uid]] += int(demo.known.sum())
-        return [self._shares[(number := self._of[demo.uid])] / steps[number] for demo in demos]
+            return weights
+        of = np.array([self._of[demo.uid] for demo in demos])
+        steps = np.bincount(of, weights * [demo.known.sum() for demo in demos], len(self._shares))
+        if not steps.all():
+            path, share = self._paths[number := int(np.argmin(steps))], self._shares[number]
+            raise InvalidValueError(
+                f"{path} has a share of {share:g} (dataset.weights) and no episode to train on: none succeeded, or it "
+                "was held out or left out. Leave it out, or see algorithm.validation and algorithm.selection."
+            )
+        return weights * (np.array(self._shares) / steps)[of]
 
 
 def _loaded(dataset: Dataset, name: str, uid: str, spec: EnvSpec) -> Episode:

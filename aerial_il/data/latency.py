@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.latency import Latency
+from aerial_il.core.latency import LONGEST_MS, Latency
 from aerial_il.data.episode import Episode
 
 PER_STEP = (
@@ -35,12 +35,17 @@ def with_latency(episode: Episode, latency_ms: float) -> Episode:
         latency_ms: to the nearest control step; 0 takes all of it out.
 
     Raises:
-        InvalidValueError: the latency is negative, or the episode is no longer than what is to be taken out.
+        InvalidValueError: the latency is negative or too long, what the episode tells of its own is none, or the
+            episode is no longer than what is to be taken out.
     """
-    if not latency_ms >= 0:
-        raise InvalidValueError(f"latency_ms is {latency_ms:g}; it must not be negative. 0 takes out all latency.")
+    if not 0 <= latency_ms <= LONGEST_MS:
+        limits = f"it must lie in [0, {LONGEST_MS:g}]. 0 takes out all latency."
+        raise InvalidValueError(f"latency_ms is {latency_ms:g}; {limits}")
     step_ms = 1000 * episode.spec.control_dt_s
-    own_ms = Latency.of(episode.provenance, episode.spec.control_dt_s).total_ms
+    try:
+        own_ms = Latency.of(episode.provenance, episode.spec.control_dt_s).total_ms
+    except (AttributeError, TypeError, ValueError, InvalidValueError) as error:
+        raise InvalidValueError(f"What {episode.uid} tells of its latency cannot be: {error}") from error
     shift, steps = round((own_ms - latency_ms) / step_ms), len(episode)
     if shift == 0:
         return episode
@@ -60,4 +65,4 @@ def with_latency(episode: Episode, latency_ms: float) -> Episode:
 def _executed_when_sent(episode: Episode, step_ms: float) -> np.ndarray:
     """Return what was executed (T, Da) in the rows in which it was sent; what was not, at the end, as it was sent."""
     late = round(episode.provenance.get("settings", {}).get("action_delay_ms", 0.0) / step_ms)
-    return np.concatenate([episode.executed_actions[late:], episode.actions[len(episode) - late :]])
+    return np.concatenate([episode.executed_actions[late:], episode.actions[max(len(episode) - late, 0) :]])

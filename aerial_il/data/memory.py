@@ -23,7 +23,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.source import MEGABYTE
 
 log = logging.getLogger(__name__)
-BLOCK, ALIGNED = 1 << 26, 64  # bytes
+BLOCK, LARGEST_FILE, ALIGNED = 1 << 26, 1 << 32, 64  # bytes
 NOTHING = np.empty(0, np.uint8)
 SHORT = "Name a disk with more room in TMPDIR, or take fewer episodes (dataset.episodes=N)."
 
@@ -35,7 +35,7 @@ class Memory:
     """
 
     def __init__(self) -> None:
-        self._limit, self._held = HELD_MB * MEGABYTE, 0
+        self._limit, self._held, self._filed = HELD_MB * MEGABYTE, 0, 0
         self._rest = NOTHING
         self._files = weakref.WeakSet[mmap.mmap]()
         self._said, self._origin = False, dict[str, Any]()
@@ -43,7 +43,7 @@ class Memory:
     @contextmanager
     def limited(self, held_mb: int) -> Iterator[None]:
         """Hold at most ``held_mb`` within the context."""
-        before, self._limit, self._said = self._limit, held_mb * MEGABYTE, False
+        before, self._limit, self._said, self._filed = self._limit, held_mb * MEGABYTE, False, 0
         self._rest = NOTHING  # what is handed out from now on keeps to the new limit
         try:
             yield
@@ -52,7 +52,7 @@ class Memory:
 
     def room_bytes(self) -> int:
         """Return how much more there is room for, in memory and in files."""
-        return min(max(self._limit - self._held, 0), free_memory_bytes()) + shutil.disk_usage(_folder()).free
+        return min(max(self._limit - self._held, 0), free_memory_bytes()) + _free_on_disk()
 
     def empty(self, shape: tuple[int, ...], dtype: np.typing.DTypeLike) -> np.ndarray:
         """Return an array that is to be filled.
@@ -94,6 +94,7 @@ class Memory:
         self._held -= size
 
     def _in_file(self, size: int) -> np.ndarray:
+        size = max(size, min(self._filed, LARGEST_FILE, _free_on_disk() // 2))  # few files: each has a descriptor
         if not size:
             return NOTHING
         if not self._said:
@@ -109,12 +110,21 @@ class Memory:
         for each in self._files:
             each.madvise(mmap.MADV_DONTNEED)  # their pages stay in the file, and need not in memory
         self._files.add(pages)
+        self._filed += size
         return np.frombuffer(pages, np.uint8)
 
 
 def _folder() -> Path:
     """Where the files lie: on a disk, which /tmp may not be."""
-    return Path(os.environ.get("TMPDIR", "/var/tmp"))
+    return Path(os.environ.get("TMPDIR") or "/var/tmp")
+
+
+def _free_on_disk() -> int:
+    """How many bytes files may take; none where there is no such folder, which matters only if they are needed."""
+    try:
+        return shutil.disk_usage(_folder()).free
+    except OSError:
+        return 0
 
 
 MEMORY = Memory()

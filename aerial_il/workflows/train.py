@@ -204,8 +204,6 @@ def _demonstrations(
     dataset: Dataset, images: Sequence[str], where: EnvironmentReference, *, failures: bool, states: bool
 ) -> Iterable[Episode] | None:
     """Open the demonstrations that were named, or None for an algorithm that does without."""
-    from aerial_il.data.joined import Joined
-    from aerial_il.data.latency import with_latency
     from aerial_il.workflows.parts import demonstrations
 
     if (path := dataset.path) is None:
@@ -217,11 +215,10 @@ def _demonstrations(
     for each in dataset.paths:
         demonstrations.check_origin(each, where.expected, dataset)
         demonstrations.warn_of_changes(each, dataset)
-    wanted = {"images": images, "failures": failures, "states": states, "reading": dataset}
-    if dataset.others:
-        return Joined([demonstrations.open_all(each, **wanted) for each in dataset.paths], dataset.weights)
-    episodes = demonstrations.open_demonstrations(path, limit=dataset.episodes, **wanted)
-    return episodes if latency_ms is None else [with_latency(episode, latency_ms) for episode in episodes]
+    return demonstrations.open_demonstrations(
+        path, limit=dataset.episodes, others=dataset.others, weights=dataset.weights, latency_ms=latency_ms,
+        images=images, failures=failures, states=states, reading=dataset,
+    )  # fmt: skip
 
 
 @contextmanager
@@ -232,7 +229,8 @@ def _command_kept(settings: Train) -> Iterator[None]:
     dataset = settings.dataset
 
     def keep() -> None:
-        learned_from = {"path": dataset.path, "episodes": dataset.episodes, "reading": dataset.answers}
+        said = ("path", "episodes", "others", "weights", "latency_ms")
+        learned_from = {**{name: getattr(dataset, name) for name in said}, "reading": dataset.answers}
         own = {key: each for key, each in plain(settings).items() if key not in (*OF_ONE_CALL, *IN_CONFIG)}
         content = {"command": command(settings), "dataset": learned_from, "settings": own}
         write_json(Path(settings.run) / COMMAND, content)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -73,3 +74,18 @@ def test_each_episode_keeps_its_own_provenance(episodes: list[Episode]) -> None:
     told = [{"git": None}, {"git": None, "seed": 1}, {"seed": 1}, {"git": {"sha": "a"}, "seed": 2}]
     kept = [MEMORY.keep(replace(episodes[0], provenance=each)) for each in told]
     assert [episode.provenance for episode in kept] == told
+
+
+def test_a_place_that_is_missing_matters_only_when_needed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "nowhere"))
+    with MEMORY.limited(100):
+        assert 0 < MEMORY.room_bytes() <= 100 * MEGABYTE
+
+
+def test_large_arrays_share_files() -> None:
+    before = len(os.listdir("/proc/self/fd"))
+    with MEMORY.limited(0):
+        kept = [MEMORY.empty((20 * MEGABYTE,), np.uint8) for _ in range(40)]
+    assert len(os.listdir("/proc/self/fd")) - before < 12
+    del kept
+    assert len(os.listdir("/proc/self/fd")) == before

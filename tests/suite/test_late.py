@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,8 +61,12 @@ def test_recordings_without_their_latency_are_those_made_without(tmp_path: Path)
     np.testing.assert_array_equal(replayed.obs["ee_pos"], seen_late.obs["ee_pos"])
     np.testing.assert_array_equal(replayed.labels, seen_late.labels)
     assert with_latency(plain, 0) is plain
-    with pytest.raises(InvalidValueError, match="latency_ms is -1"):
-        with_latency(plain, -1)
+    for beyond in (-1, float("inf")):
+        with pytest.raises(InvalidValueError, match=f"latency_ms is {beyond:g}"):
+            with_latency(plain, beyond)
+    for told in ({"settings": None}, {"settings": {"action_delay_ms": "x"}}, {"drawn": {"latency_steps": None}}):
+        with pytest.raises(InvalidValueError, match="tells of its latency cannot be"):
+            with_latency(replace(plain, provenance=told), 0)
 
 
 def test_late_actions_are_known_by_info_replayed_and_matched(tmp_path: Path) -> None:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.data.joined import Joined
+from aerial_il.data.latency import with_latency
 from aerial_il.data.reading import AS_IT_SAYS, Reading
 
 log = logging.getLogger(__name__)
@@ -18,25 +21,46 @@ def open_demonstrations(
     path: str,
     *,
     limit: int | None,
+    others: Sequence[str] = (),
+    weights: Sequence[float] = (),
+    latency_ms: float | None = None,
     images: Sequence[str] = (),
     failures: bool = False,
     states: bool = False,
     reading: Reading = AS_IT_SAYS,
 ) -> Iterable[Episode]:
-    """Open a dataset and, where ``limit`` says so, take its first successful episodes only.
-
-    From a folder of several tasks they are taken by turns, one of each, as long as the task has one left.
+    """Open what is learned from.
 
     Args:
-        path: of the dataset. limit: how many episodes, or None for all. images: fields to decode.
-        failures: whether failed flights are learned from too. states: whether the simulator's states are wanted, for
-            demonstrations that are recorded once more. reading: answers to what the format does not say.
+        path: of the dataset. limit: how many successful episodes to take, or None for all episodes.
+        others: paths of further datasets, without a limit. weights: the share of each of them.
+        latency_ms: that episodes are shifted to, or None, see :mod:`aerial_il.data.latency`.
+        images: fields to decode. failures: whether failed flights are learned from too.
+        states: whether the simulator's states are wanted, for demonstrations that are recorded once more.
+        reading: answers to what the format does not say.
 
     Raises:
-        InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit.
+        InvalidValueError: there are fewer of them than ``limit``, or failures are wanted as well as a limit; or the
+            datasets cannot be learned from together.
     """
-    if limit is None:
-        return open_all(path, images=images, failures=failures, states=states, reading=reading)
+    wanted = {"images": images, "failures": failures, "states": states, "reading": reading}
+    if others:
+        return Joined([_open_all(each, **wanted) for each in (path, *others)], weights)
+    episodes = _open_all(path, **wanted) if limit is None else _open_some(path, limit, **wanted)
+    if latency_ms is None:
+        return episodes
+    shifted = partial(with_latency, latency_ms=latency_ms)
+    return episodes.mapped(shifted) if isinstance(episodes, Dataset) else [shifted(each) for each in episodes]
+
+
+def _open_some(
+    path: str, limit: int, *, images: Sequence[str], failures: bool, states: bool, reading: Reading
+) -> Iterable[Episode]:
+    """Take the first successful episodes only; from a folder of several tasks by turns, one of each that has any left.
+
+    Raises:
+        InvalidValueError: see :func:`open_demonstrations`.
+    """
     if failures:
         raise InvalidValueError(
             f"dataset.episodes={limit} counts successes: leave it out when failures are learned from too."
@@ -56,7 +80,7 @@ def open_demonstrations(
     return chosen
 
 
-def open_all(path: str, *, images: Sequence[str], failures: bool, states: bool, reading: Reading) -> Dataset:
+def _open_all(path: str, *, images: Sequence[str], failures: bool, states: bool, reading: Reading) -> Dataset:
     """Open all of a dataset; see :func:`open_demonstrations`."""
     return open_dataset(path, **reading.answers, cameras=tuple(images), failures=failures, states=states)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.data.reading import AS_IT_SAYS, Reading
+from aerial_il.data.reading import Reading
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
 from aerial_il.workflows.parts import demonstrations, pilots, results
@@ -52,18 +52,16 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
         raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
     algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    limit, reading = (
-        (recorded.get("episodes"), Reading(**recorded.get("reading", {})))
-        if path == recorded.get("path")
-        else (None, AS_IT_SAYS)
+    said = recorded if path == recorded.get("path") else {}
+    episodes = demonstrations.open_demonstrations(
+        path,
+        limit=said.get("episodes"),
+        **{name: said[name] for name in ("others", "weights", "latency_ms") if name in said},
+        images=policy.images,
+        failures=algorithm.failures,
+        reading=Reading(**said.get("reading", {})),
     )
-    divided = algorithm.divide(
-        demonstrations.open_demonstrations(
-            path, limit=limit, images=policy.images, failures=algorithm.failures, reading=reading
-        ),
-        policy,
-        seed=run.seed,
-    )
+    divided = algorithm.divide(episodes, policy, seed=run.seed)
     windows = cut_windows(divided.kept, divided.layout, policy)
     if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
         raise InvalidValueError(f"{path} is not, or no longer, the dataset that the run was trained on.")

@@ -10,6 +10,7 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.evaluation.result import EvaluationResult
+from tests.data.test_joined import transitions
 from tests.evaluation.conftest import diver as diver
 from tests.presentation.pages.test_run_report import make_run
 
@@ -72,3 +73,15 @@ def test_what_is_missing_is_named_and_nothing_is_written(
     assert said in answer.err
     assert not answer.out
     assert sorted(folder.rglob("*")) == before
+
+
+def test_a_run_on_several_datasets_is_shown_on_what_it_held_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for episodes, name in enumerate(("a", "b"), start=3):
+        transitions(tmp_path / f"{name}.npz", episodes)
+    run, others = str(tmp_path / "run"), f"dataset.others=[{tmp_path / 'b.npz'}]"
+    words = [f"dataset={tmp_path / 'a.npz'}", others, "dataset.weights=[1,2]", "algorithm.steps=1", "progress=false"]
+    assert main(["train", *words, "threads=1", f"run={run}"]) == 0
+    assert main(["report", run, "videos=0"]) == 0
+    assert "no longer, the dataset" not in (tmp_path / "run/report.html").read_text()
