@@ -120,7 +120,8 @@ class GAIL(Algorithm):
             agent.bc_pretrain(expert_buffer, self.bc_pretrain_steps)
 
         def rewarded(rollout: Decisions) -> tuple[np.ndarray, np.ndarray]:
-            buffer.add(rows_of_rollout(rollout, absorbing=absorbing))
+            columns = (rollout.flat(name) for name in ("obs", "normalised", "rewards", "next_obs", "terminal"))
+            buffer.add(rows_of(*columns, absorbing=absorbing))
             for _ in range(imitates * int(self.reward.updates)):
                 run.log(reward_net.learn(expert_buffer, buffer, self.reward_batch // 2, agent.actor, self.reward))
             rewards, end_values = self._rewards(rollout, reward_net, reward_norm)
@@ -155,9 +156,3 @@ class GAIL(Algorithm):
             end_values[ends] = (for_ever - centre) / deviation / (1.0 - self.gamma)
         shape = rollout.rewards.shape
         return ((rewards - centre) / deviation).reshape(shape), end_values.reshape(shape)
-
-
-def rows_of_rollout(rollout: Decisions, *, absorbing: bool) -> np.ndarray:
-    """Return a rollout as rows of a replay buffer."""
-    names = ("obs", "normalised", "rewards", "next_obs", "terminal")
-    return rows_of(*(rollout.flat(name) for name in names), absorbing=absorbing)

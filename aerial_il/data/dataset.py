@@ -15,6 +15,7 @@ from aerial_il.core.computer import MEMORY_MB
 from aerial_il.core.errors import DemoError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.folder import FAILURES, DatasetFolder
 from aerial_il.data.formats import find
 from aerial_il.data.provenance import made_by
 from aerial_il.data.source import Cameras, Source, Wanted
@@ -194,6 +195,9 @@ def open_dataset(
 def _dataset(source: Source, wanted: Wanted) -> Dataset:
     survey = surveyed(source, wanted)
     if not survey.loaders:
+        if failures := len(DatasetFolder(source.path).files(FAILURES)):
+            hint = f"Look at them: aerial-il info {source.path}"
+            raise DemoError(source.path, f"holds no demonstrations: none of {failures} flights succeeded.", hint=hint)
         raise DemoError(source.path, "holds no demonstrations.", hint=COLLECT.format(source.path))
     parts = [_dataset(part, wanted) for part in source.parts]
     return Dataset(source.path, survey, parts, strict=wanted.strict)

@@ -5,11 +5,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
 import shutil
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -101,6 +103,23 @@ class DatasetFolder:
         """
         if self.spec() is None:
             claim_folder(self.path, (LOG, LINEAGE, "*/*.mcap", "*/*.mcap.part"))
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other processes from editing what lies here, or from putting a dataset together here.
+
+        Raises:
+            InvalidValueError: another process does so now.
+        """
+        handle = os.open(self.path, os.O_RDONLY)
+        try:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InvalidValueError(f"{self.path} is being edited by another process: wait for it.") from None
+            yield
+        finally:
+            os.close(handle)
 
     def write_index(
         self, spec: EnvSpec, written: Mapping[str, str] = MappingProxyType({}), *, leaving: Collection[str] = ()

@@ -26,7 +26,8 @@ def check_unmixed(folder: DatasetFolder, uid: str, provenance: Mapping[str, Any]
     """
     there = _one_of_each(folder)
     if there and made_by(uid) not in there:
-        _refuse(folder.path, [read_origin(file) for file in there.values()], provenance)
+        known = [read_origin(file) for file in there.values()]
+        _refuse(folder.path, known, provenance, "Choose another folder with out=PATH, or set")
 
 
 def check_alike(dataset: Dataset, other: Dataset) -> None:
@@ -38,16 +39,16 @@ def check_alike(dataset: Dataset, other: Dataset) -> None:
     there = {made_by(episode.uid): episode.provenance for episode in dataset.one_of_each()}
     for episode in other.one_of_each():
         if made_by(episode.uid) not in there:
-            _refuse(dataset.path, [*there.values()], episode.provenance)
+            _refuse(dataset.path, [*there.values()], episode.provenance, "Set")
 
 
-def _refuse(path: Path, there: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> NoReturn:
+def _refuse(path: Path, there: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any], advice: str) -> NoReturn:
     mine = conditions_of(provenance)
     nearest = min((_differences(conditions_of(each), mine) for each in there), key=len)
     raise InvalidValueError(
         f"{path} holds flights made with other settings: "
         f"{'; '.join(nearest or ['the specification of the environment'])} (existing != requested). "
-        "Choose another folder with out=PATH, or set mix=true to keep both in one."
+        f"{advice} mix=true to keep both in one."
     )
 
 

@@ -71,7 +71,12 @@ def write_column(folder: Path, name: str, values: Mapping[str, Any]) -> Path:
 
     Args:
         name: a new one, as it is typed in ``where=``. values: uid -> number, text, truth value or None.
+
+    Raises:
+        InvalidValueError: the name is taken or none, or columns lie elsewhere, behind a link.
     """
+    if (folder / FURTHER).is_symlink():
+        raise InvalidValueError(f"{folder / FURTHER} is a link; nothing is written through it.")
     if not name.isidentifier() or name in COLUMNS:
         raise InvalidValueError(f"A column cannot be called {name!r}: it must be a name that no other has.")
     return write_json(folder / FURTHER / f"{name}.json", dict(values))

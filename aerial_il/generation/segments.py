@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.generation.cuts import Cut, check_cuts
 from aerial_il.generation.moves import Move, carries, cuts_of
 from aerial_il.generation.source import Source
@@ -54,10 +55,14 @@ def cut(source: Source) -> tuple[Segment, ...]:
     """Return the segments of a flight, in their order.
 
     Raises:
-        InvalidValueError, UnknownNameError: it was cut by hand where it cannot be.
+        InvalidValueError: it was cut by hand where it cannot be.
     """
     if source.cuts is not None:
-        check_cuts(source.cuts, source.names, len(source))
+        try:
+            check_cuts(source.cuts, source.names, len(source))
+        except AerialError as error:
+            again = f"aerial-il segment DATASET uid={source.uid} cuts=[found]"
+            raise InvalidValueError(f"{source.uid} cannot be cut as was said: {error} Take it back: {again}") from None
     carried = carries(source)
     return tuple(_segment(source, each, carried) for each in cuts_of(source))
 

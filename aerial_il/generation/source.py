@@ -64,6 +64,8 @@ def read_source(episode: Episode) -> Source:
         raise InvalidValueError(f"{episode.uid} is not of the suite: {spec.robot}:{spec.task} has no scene to move in.")
     if not episode.success:
         raise InvalidValueError(f"{episode.uid} is no success: nothing can be generated from it.")
+    if not episode.states.size:
+        raise InvalidValueError(f"{episode.uid} holds no simulator states: generate from the recordings themselves.")
     scene = Scene(Scenario(spec.robot, spec.task).compile())
     if episode.states.shape[1] != (size := scene.state_size):
         raise InvalidValueError(

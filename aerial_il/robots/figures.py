@@ -12,6 +12,7 @@ from aerial_il.control.dynamics import POSITION, ROTATION, forward_kinematics, i
 from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import GRAVITY, MAX_JOINTS
 from aerial_il.core.rotations import IDENTITY
+from aerial_il.robots.parts.described.inertia import about
 from aerial_il.robots.robot import Robot
 
 AIR_DENSITY = 1.225  # kg/m³, at sea level
@@ -109,12 +110,7 @@ def stance(robot: Robot, name: str, joints: np.ndarray) -> Stance:
         places.append(frames[j, POSITION : POSITION + 3] + rot @ vehicle.link_com[j])
         tensors.append(rot @ np.diag(vehicle.link_inertia[j]) @ rot.T)
     com = np.average(places, axis=0, weights=masses)
-    total = sum(tensors) + sum(m * _about(p - com) for m, p in zip(masses, places, strict=True))
+    total = sum(tensors) + sum(m * about(p - com) for m, p in zip(masses, places, strict=True))
     lift = np.array([0.0, 0.0, vehicle.mass * GRAVITY])
     thrust = vehicle.mixer @ np.concatenate([lift, np.cross(com, lift)])
     return Stance(name, robot.tool_at(joints)[0], com, np.diag(np.asarray(total)).copy(), thrust)
-
-
-def _about(lever: np.ndarray) -> np.ndarray:
-    """Inertia tensor per kilogram of a point at ``lever`` (3,) m."""
-    return float(lever @ lever) * np.eye(3) - np.outer(lever, lever)

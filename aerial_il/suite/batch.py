@@ -7,7 +7,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from aerial_il.control.vehicle import Gains
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
@@ -32,7 +31,7 @@ class BatchEnvironment:
         ends_at_success: whether it should. engine: version of what simulates.
 
     Args:
-        scenario: the environment. num_envs: worlds. num_threads: 0 for all cores. gains: controller tuning.
+        scenario: the environment. num_envs: worlds. num_threads: 0 for all cores.
         refinement: parts in which physics steps are taken, to see what their length does.
     """
 
@@ -43,7 +42,6 @@ class BatchEnvironment:
         scenario: Scenario,
         num_envs: int,
         num_threads: int = 0,
-        gains: Gains | None = None,
         *,
         refinement: int = 1,
     ) -> None:
@@ -56,7 +54,7 @@ class BatchEnvironment:
         model = physics_model(self.model, scenario.xml, pairs="geom_friction" not in varied)
         model.opt.timestep = PHYSICS_DT_S / refinement
         worlds = PhysicsBatch.many(model, num_envs)
-        self.simulation = Simulation(scenario, worlds, gains, num_threads, refinement=refinement)
+        self.simulation = Simulation(scenario, worlds, num_threads, refinement=refinement)
         self._shown: mujoco.MjData | None = None  # made when somebody looks
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
         self._images = {r.key: np.zeros((num_envs, *r.shape), r.dtype) for r in scenario.camera_requests}

@@ -6,10 +6,10 @@ from collections import OrderedDict
 
 import dm_env
 import numpy as np
+from dm_control.mujoco.wrapper import MjModel
 from dm_control.rl import control
 from dm_env import specs
 
-from aerial_il.control.vehicle import Gains
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.batch import info_of
 from aerial_il.suite.episode.assessment import CRASH, DROPPED, REWARD
@@ -84,13 +84,13 @@ class AerialEnvironment(control.Environment):
     Each ``reset`` starts the next seed; ``reset(seed=…)`` chooses one.
 
     Args:
-        scenario: the environment. seed: seed of the first episode. gains: controller tuning.
+        scenario: the environment. seed: seed of the first episode.
     """
 
-    def __init__(self, scenario: Scenario, seed: int = 0, gains: Gains | None = None) -> None:
+    def __init__(self, scenario: Scenario, seed: int = 0) -> None:
         self.scenario = scenario
-        physics = Physics.from_mujoco(scenario.compile())
-        self.simulation = Simulation(scenario, PhysicsBatch.of(physics), gains)
+        physics = Physics.from_model(MjModel(scenario.compile()))
+        self.simulation = Simulation(scenario, PhysicsBatch.of(physics))
         physics.fly = self.simulation.fly
         self._suite_task = SuiteTask(self.simulation, seed)
         super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)

@@ -50,7 +50,7 @@ class Convert(Reading):
         ending, (own, _) = Path(self.out or "").suffix, forms()[self.form]
         foreign = {known for endings, _ in forms().values() for known in endings} - {*own, ""}
         if self.out and (ending in foreign or ("" not in own and ending not in own)):
-            wanted = " or ".join(own) if "" not in own else "in no ending of another format"
+            wanted = " or ".join(own) if "" not in own else "no ending of another format"
             raise InvalidValueError(f"out={self.out} with format={self.form}: its name must end in {wanted}.")
 
     @property

@@ -107,19 +107,17 @@ def split(settings: Split) -> list[Derived]:
         InvalidValueError: the shares are none, a part would be empty, or a place is taken.
     """
     from aerial_il.data.curation import splitting
-    from aerial_il.data.curation.derived import Chosen, check_out, derive
+    from aerial_il.data.curation.derived import Chosen, check_out, derive, recorded_spec
     from aerial_il.data.table import read_table
 
     shares = splitting.read_shares(settings.parts)
     check_out(settings.out, [settings.dataset], [*shares])
     dataset = _open(settings.dataset, settings)
-    rows = read_table(dataset, progress=settings.progress)
+    rows, spec = read_table(dataset, progress=settings.progress), recorded_spec(dataset)
     made, parts = [], splitting.split(rows, shares, settings.seed)
     for name, chosen in parts.items():
         how = {"made_by": "aerial_il", "command": "split", "part": name, "parts": shares, "seed": settings.seed}
-        path = derive(
-            Path(settings.out) / name, dataset.spec, [Chosen(dataset, chosen)], how, progress=settings.progress
-        )
+        path = derive(Path(settings.out) / name, spec, [Chosen(dataset, chosen)], how, progress=settings.progress)
         made.append(Derived(path=path, episodes=len(chosen), of=len(rows)))
     return made
 
@@ -130,14 +128,14 @@ def filter(settings: Filter) -> Derived:
     Raises:
         InvalidValueError: it holds for none, or ``out`` is taken. UnknownNameError: there is no such column.
     """
-    from aerial_il.data.curation.derived import Chosen, check_out, derive
+    from aerial_il.data.curation.derived import Chosen, check_out, derive, recorded_spec
     from aerial_il.data.curation.selection import select
 
     check_out(settings.out, [settings.dataset])
     dataset = _open(settings.dataset, settings)
     chosen = Chosen(dataset, select(dataset, settings.where, progress=settings.progress))
     how = {"made_by": "aerial_il", "command": "filter", "where": settings.where}
-    path = derive(settings.out, dataset.spec, [chosen], how, progress=settings.progress)
+    path = derive(settings.out, recorded_spec(dataset), [chosen], how, progress=settings.progress)
     return Derived(path=path, episodes=len(chosen.rows), of=len(dataset))
 
 

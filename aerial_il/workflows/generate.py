@@ -205,6 +205,9 @@ def _sources(settings: Generate) -> list[Source]:
 
 def _advice(sources: list[Source], settings: Generate) -> str:
     robot = sources[0].spec.robot
+    if settings.force is not None:
+        why = f"aerial-il info {settings.out} where=\"'pressed with' in note\""
+        return f"raise force={settings.force:g} if they pressed too hard, as {why} says."
     if settings.robot not in (None, robot):
         return f"they were made for {settings.robot} out of flights of {robot}. Record one with {settings.robot}."
     return f"look at one with aerial-il view {settings.out}, or take another source."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from aerial_il.data.reading import Reading
@@ -44,4 +44,5 @@ def judge(settings: Judge) -> Judgement:
     if settings.keep and dataset.path.is_dir() and DatasetFolder(dataset.path).spec() is not None:
         for name, values in found.columns.items():
             write_column(dataset.path, name, values)
+        return replace(found, kept=True)
     return found

@@ -8,8 +8,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -23,6 +24,7 @@ from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import link
+from aerial_il.data.windows import Windows
 from aerial_il.policies.mlp import MLP
 from experiments.common.report import Report, Row, Target
 from experiments.common.stopwatch import Arm, interleave
@@ -109,8 +111,9 @@ class Loader:
             order = Shuffle(len(training), 256, seed=self.seed)
             batches = [order[step] for step in range(self.steps)]
             for what, take in (("cut", cut.__getitem__), ("normalised", training.gather)):
-                run = lambda take=take, batches=batches: [take(batch) for batch in batches]  # noqa: E731
-                arms[f"{name} {what}"] = Arm(run, units=256 * self.steps, clock=time.process_time)
+                arms[f"{name} {what}"] = Arm(
+                    partial(_take, take, batches), units=256 * self.steps, clock=time.process_time
+                )
         rates = interleave(arms, self.repetitions)
         return [_row(name, opened[name], rates) for name in places]
 
@@ -132,7 +135,12 @@ class Loader:
         return out
 
 
-def _prepared(place: Path) -> tuple[TrainingSet, object]:
+def _take(take: Callable[[np.ndarray], object], batches: Sequence[np.ndarray]) -> None:
+    for batch in batches:
+        take(batch)
+
+
+def _prepared(place: Path) -> tuple[TrainingSet, Windows]:
     layout, kept = read_demos(open_dataset(place, states=False), MLP())
     windows = cut_windows(kept, layout, MLP())
     return TrainingSet(windows, fit_interface(layout, windows, MLP())), windows

@@ -12,7 +12,7 @@ import numpy as np
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from tests.algorithms.point_mass import StepResult
-from tests.algorithms.stateless_batch import StatelessBatch
+from tests.algorithms.stateless_batch import StatelessBatch, fly
 
 STEPS, LIMIT, PUSH, GAIN = 60, 0.5, 0.3, 0.5
 
@@ -84,10 +84,5 @@ class Pilot:
 
 def success_rate(policy, *, episodes: int, seed: int) -> float:
     """Fly ``episodes`` seeds at once and return the share that stays inside."""
-    env = Corridor(episodes)
-    obs, inside = env.reset(seed), np.ones(episodes, bool)
-    policy.reset()
-    for _ in range(STEPS):
-        result = env.step(policy.act(obs))
-        obs, inside = result.obs, inside & ~result.terminated
-    return float(inside.mean())
+    outside = [result.terminated for result in fly(Corridor(episodes), policy, seed)]
+    return float((~np.any(outside, axis=0)).mean())

@@ -15,7 +15,7 @@ from aerial_il.core.contracts import StepResult
 from aerial_il.core.seeding import episode_rng, named_rng
 from aerial_il.core.specs import ActionSpec, EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
-from tests.algorithms.stateless_batch import StatelessBatch, episode_of
+from tests.algorithms.stateless_batch import StatelessBatch, episode_of, fly
 
 LAG, REACH_M, WAIT_STEPS, DWELL_STEPS, LEAD_M = 0.5, 0.03, 8, 10, 0.06
 ROT6D = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
@@ -145,14 +145,8 @@ def demonstrations(count: int, *, seed: int = 0, noise_m: float = 0.02) -> list[
 
 def success_rate(policy: Any, *, episodes: int, seed: int) -> float:
     """Fly ``episodes`` unseen seeds at once and return the share that is delivered."""
-    env = PointMassBatch(episodes)
-    obs = env.reset(seed)
-    policy.reset()
-    done = np.zeros(episodes, bool)
-    for _ in range(env.spec.max_steps):
-        result = env.step(policy.act(obs))
-        obs, done = result.obs, done | result.info["success"]
-    return float(done.mean())
+    delivered = [result.info["success"] for result in fly(PointMassBatch(episodes), policy, seed)]
+    return float(np.any(delivered, axis=0).mean())
 
 
 def with_action_level(episode: Episode, level: str) -> Episode:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
-from aerial_il.core.contracts import BatchEnvBase
+from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.episode import Episode
 
@@ -40,6 +41,16 @@ class StatelessBatch(BatchEnvBase):
 
     def close(self) -> None:
         """There is nothing to free."""
+
+
+def fly(env: Any, policy: Any, seed: int) -> Iterator[StepResult]:
+    """Yield what comes of each step of a policy in all worlds, from ``seed`` on and over the whole time."""
+    obs = env.reset(seed)
+    policy.reset()
+    for _ in range(env.spec.max_steps):
+        result = env.step(policy.act(obs))
+        obs = result.obs
+        yield result
 
 
 def episode_of(

@@ -28,7 +28,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.network import PolicySettings, state_of
 from aerial_il.policies.recurrent import Recurrent
 from tests.algorithms.drift import Drift, guide
-from tests.algorithms.stateless_batch import episode_of
+from tests.algorithms.stateless_batch import episode_of, fly
 
 FLIGHTS, STEPS, LENGTH, AMISS = 30, 12, 5, 0.3
 POLICY = MLP(hidden=(32, 32), chunk=1, ensemble=None, anchor=None, loss="l2")
@@ -77,12 +77,8 @@ def trained(run: Path, episodes: list[Episode], policy: PolicySettings = POLICY,
 
 def missed(policy: ChunkPolicy) -> float:
     """Return how far from their goals unseen flights end."""
-    env = Drift(100)
-    obs = env.reset(10_000)
-    policy.reset()
-    for _ in range(STEPS):
-        obs = env.step(policy.act(obs)).obs
-    return float(np.abs(obs["position"] - obs["goal"]).mean())
+    *_, last = fly(Drift(100), policy, 10_000)
+    return float(np.abs(last.obs["position"] - last.obs["goal"]).mean())
 
 
 @pytest.fixture(scope="module")

@@ -20,10 +20,10 @@ from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import Field, ObservationSpec
-from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, demonstrations
+from tests.algorithms.train_rounds import flights_of
 
 STARTS = 48
 FEW = BC(steps=300, batch_size=32, lr=3e-3, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
@@ -54,10 +54,6 @@ def trained(run: Path, *, seed: int = 3, env: Any = None, **settings: Any) -> Pa
     return run
 
 
-def kept(run: Path, number: int) -> list[Episode]:
-    return list(open_dataset(run / "rounds" / f"{number:03d}" / "flights", failures=True))
-
-
 def turns(run: Path, number: int) -> list[dict[str, int]]:
     return json.loads((run / "rounds" / f"{number:03d}" / "turns.json").read_text())
 
@@ -79,7 +75,7 @@ def test_each_attempt_flies_what_none_before_it_solved(whole: Path) -> None:
 
 def test_one_success_of_each_start_is_kept_and_nothing_else(whole: Path) -> None:
     for number in (1, 2):
-        flights = kept(whole, number)
+        flights = flights_of(whole, number)
         assert len(flights) == sum(turn["successes"] for turn in turns(whole, number)) > 0
         assert all(flight.success for flight in flights)
         assert len({flight.seed for flight in flights}) == len(flights)
@@ -113,7 +109,7 @@ def test_metrics_count_every_flight(whole: Path) -> None:
         assert row["flights"] == sum(turn["flights"] for turn in told)
         assert row["total/flight_steps"] == steps > 0
         assert row["starts_solved_first"] == told[0]["successes"] / STARTS
-        assert row["starts_solved"] == len(kept(whole, number)) / STARTS > row["starts_solved_first"]
+        assert row["starts_solved"] == len(flights_of(whole, number)) / STARTS > row["starts_solved_first"]
 
 
 def test_a_round_cut_short_is_flown_anew_to_the_same_bytes(whole: Path, tmp_path: Path) -> None:

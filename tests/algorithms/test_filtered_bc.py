@@ -16,13 +16,12 @@ from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NoRewardError
-from aerial_il.data.dataset import open_dataset
-from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import SPEC, Drift, Silent, demonstrations
+from tests.algorithms.train_rounds import flights_of
 
 DEMOS = 3
 FEW = BC(steps=40, batch_size=32, warmup_steps=5, ema=0.9, validation=0.0, validate_every=0)
@@ -38,17 +37,13 @@ def trained(run: Path, *, seed: int = 3, policy: PolicySettings = POLICY, env: A
     return run
 
 
-def flights(run: Path, number: int) -> list[Episode]:
-    return list(open_dataset(run / "rounds" / f"{number:03d}" / "flights", failures=True))
-
-
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return trained(tmp_path_factory.mktemp("filtered") / "run")
 
 
 def test_what_was_flown_is_the_label_and_nobody_is_asked(whole: Path) -> None:
-    for flight in flights(whole, 1):
+    for flight in flights_of(whole, 1):
         assert not flight.asked.any()
         np.testing.assert_array_equal(flight.labels, flight.executed_actions)
 
@@ -63,7 +58,7 @@ def test_only_successes_are_learned_from(whole: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(BC, "train", watched)
     run = trained(tmp_path / "watched")
-    won = [sum(flight.success for flight in flights(run, number)) for number in (1, 2)]
+    won = [sum(flight.success for flight in flights_of(run, number)) for number in (1, 2)]
     assert 0 < sum(won) < 16, "a check that no flight fails or succeeds would tell nothing"
     assert [len(one) for one in seen] == [DEMOS, DEMOS + won[0], DEMOS + sum(won)]
     assert all(all(one) for one in seen)
@@ -71,7 +66,7 @@ def test_only_successes_are_learned_from(whole: Path, monkeypatch: pytest.Monkey
 
 def test_noise_moves_what_is_flown(whole: Path, tmp_path: Path) -> None:
     calm = trained(tmp_path / "calm", noise=0.0)
-    pairs = zip(flights(whole, 1), flights(calm, 1), strict=True)
+    pairs = zip(flights_of(whole, 1), flights_of(calm, 1), strict=True)
     assert any(len(a) != len(b) or not np.array_equal(a.executed_actions, b.executed_actions) for a, b in pairs)
 
 
@@ -80,7 +75,7 @@ def test_a_prior_of_another_class_flies_the_first_round(whole: Path, tmp_path: P
     prior = trained(tmp_path / "prior", policy=chunked, rounds=1)
     led = trained(tmp_path / "led", prior=str(prior))
     assert load_policy(led).config == POLICY
-    for one, other in zip(flights(led, 1), flights(whole, 1), strict=True):
+    for one, other in zip(flights_of(led, 1), flights_of(whole, 1), strict=True):
         assert not np.array_equal(one.actions, other.actions), "the clone flew, not the prior"
 
 
@@ -97,7 +92,7 @@ def test_another_prior_in_the_same_place_is_another_run(tmp_path: Path) -> None:
         trained(tmp_path / "run", **settings)
 
 
-def test_a_prior_that_cannot_fly_here_is_refused_before_flights(tmp_path: Path) -> None:
+def test_a_prior_that_cannot_fly_here_is_refused_before_flights_of(tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match="does not exist"):
         trained(tmp_path / "run", prior=str(tmp_path / "nowhere"))
     prior = load_policy(trained(tmp_path / "prior", rounds=1))

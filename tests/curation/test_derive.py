@@ -14,7 +14,8 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.data.dataset import altered_files, open_dataset
-from aerial_il.data.table import read_table, write_column
+from aerial_il.data.folder import DatasetFolder
+from aerial_il.data.table import read_columns, read_table, write_column
 from tests.curation.conftest import QUIET, Recorded, digests
 
 KILLED = """
@@ -80,6 +81,28 @@ def test_further_columns_are_filtered_by_and_kept(dataset: Path, tmp_path: Path)
     }  # fmt: skip
 
 
+def test_what_any_source_says_of_a_shared_episode_is_kept(cranes: Recorded, tmp_path: Path) -> None:
+    one, two = (Path(shutil.copytree(cranes(0, 4), tmp_path / name)) for name in ("one", "two"))
+    first, second, *_ = sorted(uids(one))
+    write_column(one, "quality", {first: 0.9})
+    write_column(two, "quality", {first: 0.2, second: 0.1})
+    write_column(two, "cuts", {second: "cube:1-5"})
+    assert main(["merge", str(one), str(two), f"out={tmp_path / 'both'}", QUIET]) == 0
+    assert read_columns(tmp_path / "both") == {"cuts": {second: "cube:1-5"}, "quality": {first: 0.9, second: 0.1}}
+
+
+def test_two_processes_do_not_build_one_dataset(
+    dataset: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["filter", str(dataset), "where=success", f"out={tmp_path / 'good'}", QUIET]
+    (tmp_path / "good").mkdir()
+    with DatasetFolder(tmp_path / "good").alone():
+        assert main(words) == 2
+    assert "being edited by another process" in capsys.readouterr().err
+    assert not os.listdir(tmp_path / "good")
+    assert main(words) == 0
+
+
 def test_merge_puts_together_and_takes_twins_once(
     cranes: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -101,7 +124,9 @@ def test_what_differs_is_named(cranes: Recorded, tmp_path: Path, capsys: pytest.
     assert main(["merge", noisy, *words]) == 2
     assert "settings {'noise': 0.01} != {'noise': 0.0}" in capsys.readouterr().err
     assert main(["merge", str(cranes(0, 3, "human:ben")), *words]) == 2
-    assert "policy human:ben != expert" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "policy human:ben != expert" in told
+    assert "out=PATH" not in told
     assert not (tmp_path / "both").exists()
     assert main(["merge", noisy, *words, "mix=true"]) == 0
     assert len(uids(tmp_path / "both")) == 9
@@ -127,6 +152,23 @@ def test_other_formats_are_recorded_anew(cranes: Recorded, tmp_path: Path) -> No
     assert [len(e) for e in merged] == [len(e) for e in there]
     assert all((m.actions == e.actions).all() for m, e in zip(merged, there, strict=True))
     assert merged[0].provenance["source"]["uid"] == there[0].uid
+
+
+def test_sets_without_states_are_filtered_split_and_merged(
+    cranes: Recorded, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there = [tmp_path / "lerobot0", tmp_path / "lerobot20"]
+    for first, place in zip((0, 20), there, strict=True):
+        assert main(["convert", str(cranes(first, 6)), f"out={place}", QUIET]) == 0
+    few, parts, both = (tmp_path / name for name in ("few", "parts", "both"))
+    assert main(["filter", str(there[0]), "where=steps > 0", f"out={few}", QUIET]) == 0
+    assert main(["split", str(there[0]), f"out={parts}", "parts=[a=0.5,b=0.5]", QUIET]) == 0
+    assert main(["merge", *map(str, there), f"out={both}", QUIET]) == 0
+    assert uids(few) == uids(there[0]) == uids(parts / "a") | uids(parts / "b")
+    assert all(not episode.states.size for episode in open_dataset(both))
+    assert main(["validate", str(both), QUIET]) == 0
+    assert main(["merge", str(there[0]), str(cranes(20, 6)), f"out={tmp_path / 'no'}", QUIET]) == 2
+    assert "state_size" in capsys.readouterr().err
 
 
 def test_a_split_is_disjoint_stratified_and_the_same_again(cranes: Recorded, tmp_path: Path) -> None:

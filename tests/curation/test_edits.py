@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from aerial_il.cli.main import main
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import altered_files, open_dataset
 from aerial_il.data.recording.reader import read_episode
-from aerial_il.data.table import read_table
+from aerial_il.data.table import read_table, write_column
 from tests.cli.test_full_disk import LIMITED
 from tests.curation.conftest import QUIET, Recorded, digests
 from tests.curation.test_derive import killed_at
@@ -151,6 +152,14 @@ def test_no_edit_goes_through_a_link(dataset: Path, tmp_path: Path, capsys: pyte
     (dataset / "trash" / "0001").symlink_to(tmp_path / "elsewhere")
     assert edit("undo", dataset) == 2
     assert "is a link" in capsys.readouterr().err
+
+
+def test_no_column_is_written_through_a_link(dataset: Path, tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (dataset / "columns").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InvalidValueError, match="columns is a link"):
+        write_column(dataset, "quality", {open_dataset(dataset)[0].uid: 0.5})
+    assert not [*(tmp_path / "elsewhere").iterdir()]
 
 
 def test_undo_loses_no_episode_that_was_flown_again(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,9 +43,12 @@ def prefer(dataset: Path, out: Path, *words: str) -> int:
     return main(["prefer", str(dataset), "length=10", f"out={out}", QUIET, *words])
 
 
-def test_the_command_goes_on_where_it_stopped(dataset: Path, out: Path, tmp_path: Path) -> None:
+def test_the_command_goes_on_where_it_stopped(
+    dataset: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     whole = tmp_path / "whole.jsonl"
     assert prefer(dataset, whole, "pairs=30") == 0
+    assert f"algorithm=cpl algorithm.preferences={whole} run=" in capsys.readouterr().out
     assert prefer(dataset, out, "pairs=12") == 0
     assert len(read_preferences(out)) == 12
     out.write_bytes(out.read_bytes()[:-5])

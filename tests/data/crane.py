@@ -1,7 +1,7 @@
 """A small real-MuJoCo batch environment with the suite's interface: a crane that moves a hook to a goal.
 
-It keeps the tests of recording and collection fast, and brings outcomes about on demand: a fifth of the goals lie out
-of reach (time-out), and a goal at negative x is below the floor for an expert that dives (crash).
+It keeps the tests of recording, collection and evaluation fast, and brings outcomes about on demand: a fifth of the
+goals lie out of reach (time-out), and a goal at negative x is below the floor for an expert that dives (crash).
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ SCENE = """
       <joint name="x" type="slide" axis="1 0 0" damping="2"/>
       <joint name="z" type="slide" axis="0 0 1" damping="2"/>
       <geom type="box" size=".09 .09 .02" mass=".8" rgba=".3 .3 .4 1"/>
+      <camera name="wrist" pos=".1 0 -.02" xyaxes="0 -1 0 1 0 .5" fovy="80"/>
       <body name="hook">
         <joint name="swing" axis="0 1 0" damping=".05"/>
         <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".012" mass=".1" rgba=".9 .5 .2 1"/>
@@ -74,7 +75,7 @@ def crane_spec(image_size: tuple[int, int] | None = None, max_steps: int = 120) 
         control_dt_s=0.02,
         max_steps=max_steps,
         instruction="Bring the hook to the ball.",
-        subtasks=("near",),
+        subtasks=("near", "at_goal"),
         state_size=mujoco.mj_stateSize(crane_model(), INTEGRATION) + 3,
     )
 
@@ -82,12 +83,22 @@ def crane_spec(image_size: tuple[int, int] | None = None, max_steps: int = 120) 
 class CraneBatch(BatchEnvBase):
     """n cranes; its state is MuJoCo's plus the seed, the step count and the dwell count."""
 
-    def __init__(self, num_envs: int = 1, *, image_size: tuple[int, int] | None = None, max_steps: int = 120) -> None:
+    camera_names = ("scene", "wrist")
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        image_size: tuple[int, int] | None = None,
+        max_steps: int = 120,
+        renders: bool = True,
+    ) -> None:
         self.spec, self.num_envs = crane_spec(image_size, max_steps), num_envs
         self.model, self.model_xml = crane_model(), SCENE
         self.worlds = [mujoco.MjData(self.model) for _ in range(num_envs)]
         self.seeds, self.steps, self.dwell = (np.zeros(num_envs, np.int64) for _ in range(3))
-        self.stepped = 0
+        self.stepped, self.resets, self.renders = 0, list[int](), renders
+        self._shown: mujoco.Renderer | None = None  # of pictures that are no observations
         self._renderer = mujoco.Renderer(self.model, *image_size) if image_size else None
 
     @property
@@ -111,6 +122,7 @@ class CraneBatch(BatchEnvBase):
             data.ctrl[:] = data.qpos[:2]
             mujoco.mj_forward(self.model, data)
             self.seeds[i], self.steps[i], self.dwell[i] = seeds[i], 0, 0
+            self.resets.append(int(seeds[i]))
         return self._observe()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
@@ -130,7 +142,17 @@ class CraneBatch(BatchEnvBase):
         for i in chosen:
             self.dwell[i] = self.dwell[i] + 1 if distance[i] < TOLERANCE_M else 0
         crash = obs["ee_pos"][:, 2] < 0.0
-        info = {"success": self.dwell >= DWELL_STEPS, "crash": crash, "executed_action": executed}
+        success = self.dwell >= DWELL_STEPS
+        info = {
+            "success": success,
+            "crash": crash,
+            "subtasks": np.stack([distance < 0.1, distance < TOLERANCE_M], axis=1),
+            "sparse_reward": success.astype(float),
+            "ee_error_m": np.sqrt(((obs["base_pos"][:, [0, 2]] - executed) ** 2).sum(1)),
+            "effort": np.array([float(np.mean(d.actuator_force**2)) for d in self.worlds]) / 1e4,
+            "contacts": np.array([d.ncon for d in self.worlds]),
+            "executed_action": executed,
+        }
         return StepResult(obs, np.exp(-3 * distance), crash, self.steps >= self.spec.max_steps, info)
 
     def get_state(self) -> np.ndarray:
@@ -147,6 +169,14 @@ class CraneBatch(BatchEnvBase):
             mujoco.mj_camlight(self.model, self.worlds[i])
             self.seeds[i], self.steps[i], self.dwell[i] = states[i, -3:]
         return self._observe()
+
+    def render(self, world: int, camera: str = "scene", height: int = 240, width: int = 320) -> np.ndarray:
+        if not self.renders:
+            raise mujoco.FatalError("gladLoadGL error")
+        if self._shown is None or (self._shown.height, self._shown.width) != (height, width):
+            self._shown = mujoco.Renderer(self.model, height, width)
+        self._shown.update_scene(self.worlds[world], camera)
+        return self._shown.render()
 
     def close(self) -> None:
         if self._renderer:
@@ -186,14 +216,14 @@ class CraneExpert:
     phase_names = ("fly", "hold")
 
     def __init__(self, *, dive: bool = False, noise: float = 0.0) -> None:
-        self.dive, self.noise = dive, noise
+        self.dive, self.noise, self.resets = dive, noise, 0
         self.phase, self.expert_action = np.zeros(0, int), np.zeros((0, 2))
 
     def attach(self, env: CraneBatch) -> None:
         self.env, self.phase = env, np.zeros(env.num_envs, int)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
-        pass
+        self.resets += len(self.phase) if mask is None else int(np.sum(mask))
 
     def act(self, obs: dict[str, np.ndarray]) -> np.ndarray:
         goal = obs["goal_pos"]

@@ -77,21 +77,6 @@ def test_what_cannot_be_used_is_named(changed: dict[str, Any], says: str) -> Non
         read(raw(), raw(**changed))
 
 
-def test_a_field_that_some_lack_is_left_out_aloud(caplog: pytest.LogCaptureFixture) -> None:
-    episodes = read(raw(), raw(obs=obs(extra=np.zeros((STEPS, 1)))), raw())
-    assert [sorted(episode.obs) for episode in episodes] == [["camera", "position"]] * 3
-    assert not episodes[0].spec.differences(episodes[1].spec)
-    assert "extra is not in all demonstrations" in caplog.text
-
-
-def test_a_scalar_is_a_vector_of_one_and_pictures_are_images() -> None:
-    (episode,) = read(raw(obs=obs(height=np.arange(STEPS))))
-    assert episode.obs["height"].shape == (STEPS + 1, 1)
-    assert episode.obs["height"][-1] == episode.obs["height"][-2]
-    assert episode.spec.observation["camera"].group == "image"
-    assert episode.obs["camera"].dtype == np.uint8
-
-
 def test_pictures_are_not_read_before_their_episode_is() -> None:
     seen: list[str] = []
 

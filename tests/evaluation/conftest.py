@@ -6,18 +6,18 @@ import pytest
 
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
-from tests.evaluation.hover import GoThere, HoverBatch
+from tests.data.crane import CraneBatch, CraneExpert
 
 
 @pytest.fixture(scope="session")
 def diver() -> EvaluationResult:
     """40 seeds of a policy that succeeds, crashes and runs out of time."""
     origin = {"command": "aerial-il evaluate policy=diver"}
-    policy = GoThere(dive=True)
-    return evaluate(HoverBatch(16), policy, range(100, 140), policy_name="diver", origin=origin, progress=False)
+    policy = CraneExpert(dive=True)
+    return evaluate(CraneBatch(16), policy, range(100, 140), policy_name="diver", origin=origin, progress=False)
 
 
 @pytest.fixture(scope="session")
 def expert() -> EvaluationResult:
     """The same seeds, flown without diving."""
-    return evaluate(HoverBatch(16), GoThere(), range(100, 140), policy_name="expert", progress=False)
+    return evaluate(CraneBatch(16), CraneExpert(), range(100, 140), policy_name="expert", progress=False)

@@ -19,7 +19,7 @@ from aerial_il.evaluation.destination import CALLED, finished, subject_of
 from aerial_il.evaluation.journal import NOTE, Journal
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate
-from tests.evaluation.hover import GoThere, HoverBatch
+from tests.data.crane import CraneBatch, CraneExpert
 
 pytestmark = pytest.mark.usefixtures("no_commit")
 SEEDS = range(100, 112)
@@ -61,7 +61,9 @@ class Mortal(Journal):
 
 
 def fly(journal: Journal | None, worlds: int = 4, seeds: Any = SEEDS) -> EvaluationResult:
-    return evaluate(HoverBatch(worlds), GoThere(dive=True), seeds, policy_name="diver", journal=journal, progress=False)
+    return evaluate(
+        CraneBatch(worlds), CraneExpert(dive=True), seeds, policy_name="diver", journal=journal, progress=False
+    )
 
 
 def content(result: EvaluationResult) -> dict[str, Any]:

@@ -17,7 +17,10 @@ from aerial_il.evaluation.metrics import (
     spread,
 )
 from aerial_il.evaluation.traces import Trace
-from tests.evaluation.hover import DT_S, SPEC
+from tests.data.crane import crane_spec
+
+SPEC = crane_spec()
+DT_S = SPEC.control_dt_s
 
 
 def trace(steps: int = 6, **changes: object) -> Trace:
@@ -30,8 +33,8 @@ def trace(steps: int = 6, **changes: object) -> Trace:
         "effort": np.full(steps, 0.25),
         "contacts": np.zeros(steps, dtype=int),
         "subtasks": np.zeros((steps, 2), dtype=bool),
-        "actions": np.zeros((steps, 4)),
-        "executed": np.zeros((steps, 4)),
+        "actions": np.zeros((steps, 2)),
+        "executed": np.zeros((steps, 2)),
         "ee_pos": np.zeros((steps, 3)),
         "phase": np.zeros(steps, dtype=int),
     }

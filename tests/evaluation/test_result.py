@@ -18,13 +18,13 @@ from aerial_il.evaluation.compare import compare, p_value_text
 from aerial_il.evaluation.result import SCHEMA, EvaluationResult, load_result, simplified
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.evaluation.run_collection import RunCollection, read_runs
-from tests.evaluation.hover import GoThere, HoverBatch
+from tests.data.crane import CraneBatch, CraneExpert, crane_spec
 from tests.presentation.pages.test_run_report import make_run
 
 
 def fly(seeds: Any, *, dive: bool = False, **origin: Any) -> EvaluationResult:
     name = "diver" if dive else "expert"
-    return evaluate(HoverBatch(16), GoThere(dive=dive), seeds, policy_name=name, origin=origin, progress=False)
+    return evaluate(CraneBatch(16), CraneExpert(dive=dive), seeds, policy_name=name, origin=origin, progress=False)
 
 
 def test_json_has_the_keys_that_others_rely_on(diver: EvaluationResult, tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_json_has_the_keys_that_others_rely_on(diver: EvaluationResult, tmp_path
     assert list(raw["success"]) == ["count", "rate", "ci95"]
     assert len(raw["per_episode"]) == 40
     assert raw["provenance"]["command"] == "aerial-il evaluate policy=diver"
-    assert raw["provenance"]["environment"]["control_dt_s"] == HoverBatch.spec.control_dt_s
+    assert raw["provenance"]["environment"]["control_dt_s"] == crane_spec().control_dt_s
 
 
 def test_a_result_survives_its_file(diver: EvaluationResult, tmp_path: Path) -> None:
@@ -140,8 +140,8 @@ def test_a_comparison_adjusts_for_the_numbers_it_tests(diver: EvaluationResult, 
 
 
 def test_comparison_refuses_another_task(expert: EvaluationResult) -> None:
-    other = EvaluationResult("carriage", "reach", "calm", "expert", expert.episodes, {})
-    with pytest.raises(InvalidValueError, match="carriage/hover with carriage/reach"):
+    other = EvaluationResult("crane", "hover", "calm", "expert", expert.episodes, {})
+    with pytest.raises(InvalidValueError, match="crane/reach with crane/hover"):
         compare(expert, other)
 
 

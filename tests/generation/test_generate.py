@@ -90,14 +90,21 @@ def test_flights_are_led_aside_and_shown_the_way_back(shown: Shown, tmp_path: Pa
     assert max(farthest) < 0.35
 
 
-def test_a_flight_that_presses_too_hard_is_a_failure_and_says_so(shown: Shown, tmp_path: Path) -> None:
+def test_a_flight_that_presses_too_hard_is_a_failure_and_says_so(
+    shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for force, kept in (("2", 4), ("0.2", 0)):
         out = tmp_path / force
         assert generate(shown("open_door"), out, f"force={force}", "episodes=4") == 0
         flights = list(open_dataset(out, failures=True))
         assert sum(flight.success for flight in flights) == kept
         assert all("more than" in flight.provenance["note"] for flight in flights if not flight.success)
+    said = capsys.readouterr()
+    assert "raise force=0.2" in said.err
+    assert said.out.count("run=runs/generated") == 1, "there is nothing to train on without a success"
     assert main(["info", str(out), "where='pressed with' in note"]) == 0
+    assert generate(out, tmp_path / "none") == 2
+    assert "none of 4 flights succeeded" in capsys.readouterr().err
 
 
 def test_it_is_the_same_however_many_worlds_and_goes_on(

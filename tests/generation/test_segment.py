@@ -113,6 +113,10 @@ def test_what_cannot_be_cut_is_said(one: Path, capsys: pytest.CaptureFixture[str
     for words in (["segment", str(one), "page=false"], ["generate", f"dataset={one}", f"out={one}2"]):
         assert main(words) == 2
         assert "cuts.json: cannot be used ('cube' is no cut" in capsys.readouterr().err
+    (one / "columns" / "cuts.json").write_text(json.dumps({uid_of(one): "cube:1-9999"}))
+    assert main(["generate", f"dataset={one}", f"out={one}2"]) == 2
+    assert f"{uid_of(one)} cannot be cut as was said: cube:1-9999 is outside" in capsys.readouterr().err
+    assert main(["segment", str(one), f"uid={uid_of(one)}", "cuts=[found]"]) == 0
 
 
 def test_an_edit_that_was_killed_is_finished_or_taken_back(one: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -179,6 +183,10 @@ def test_a_person_moves_divides_and_saves_on_the_page(server: SegmentServer, one
             await tab.value("$('thing').value = 'bowl'; $('thing').onchange()")
             assert await tab.value("dirty")
             assert standing(one) == found, "what is not saved is not kept"
+            assert await tab.value("$('making').hidden"), "the film is there"
+            await tab.value("confirm = () => false; $('flight').append(new Option('other'))")
+            await tab.value("$('flight').value = 'other'; $('flight').onchange()")
+            assert await tab.value("dirty && $('flight').value === flight.uid"), "who stays loses nothing"
             await tab.value("seek(150); $('add').click()")
             await tab.value("move(2, 'first', 0)")
             assert await tab.value("cuts[2].first === cuts[1].last"), "an edge stays behind the one before it"

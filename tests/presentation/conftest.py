@@ -1,4 +1,4 @@
-"""What pages and films show: a recorded flight of an expert, and the evaluations of the carriage."""
+"""What pages and films show: a recorded flight of an expert, and evaluations of the crane."""
 
 from __future__ import annotations
 

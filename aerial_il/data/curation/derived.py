@@ -49,6 +49,11 @@ class Chosen:
         return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
+def recorded_spec(dataset: Dataset) -> EnvSpec:
+    """Return the specification of a dataset's episodes as recordings: some formats keep no states of the simulator."""
+    return dataset.spec if dataset.files else replace(dataset.spec, state_size=dataset[0].states.shape[1])
+
+
 def check_out(out: Place, sources: Sequence[Place], parts: Sequence[str] = ()) -> None:
     """Refuse a place that is one of the sources or holds what is somebody else's; ``parts`` are folders in it."""
     if parts:
@@ -76,18 +81,27 @@ def derive(
         made: how, in plain values: the command, and its keys. progress: show a progress bar.
 
     Raises:
-        InvalidValueError: the folder holds another dataset, or somebody else's files.
+        InvalidValueError: the folder holds another dataset or somebody else's files, or another process writes there.
         StorageError: it cannot be written; the same call again starts over.
     """
     folder = DatasetFolder(out)
     folder.require_own()
     lineage = _lineage(chosen, made)
+    with storing(folder.path):
+        folder.path.mkdir(parents=True, exist_ok=True)
+    with folder.alone():
+        _derive(folder, spec, chosen, lineage, progress=progress)
+    return folder.path
+
+
+def _derive(
+    folder: DatasetFolder, spec: EnvSpec, chosen: Sequence[Chosen], lineage: dict[str, Any], *, progress: bool
+) -> None:
     held = folder.spec() is not None or any(folder.files(kind) for kind in KINDS)
     if held and _told(folder.path) != lineage:
-        raise InvalidValueError(f"out={out} holds a dataset already. Name a new folder with out=PATH.")
+        raise InvalidValueError(f"out={folder.path} holds a dataset already. Name a new folder with out=PATH.")
     if folder.spec() is None or (folder.path / PART).exists():
         _build(folder, spec, chosen, lineage, progress=progress)
-    return folder.path
 
 
 def lineage_of(path: Path) -> dict[str, Any] | None:
@@ -159,12 +173,12 @@ def _digests(dataset: Dataset) -> dict[str, str]:
 
 
 def _write_columns(folder: DatasetFolder, chosen: Sequence[Chosen]) -> None:
-    """Give the new dataset what the further columns of its sources say of its episodes."""
-    columns = dict[str, dict[str, Any]]()
+    """Give the new dataset what the further columns of its sources say of its episodes; of two values the first."""
+    kept, columns = [each.name(row["uid"]) for each in chosen for row in each.rows], dict[str, dict[str, Any]]()
     for each in chosen:
         for name, values in read_columns(each.dataset.path).items():
-            uids = [row["uid"] for row in each.rows]
-            columns.setdefault(name, {}).update({each.name(uid): values[uid] for uid in uids if uid in values})
+            said = {each.name(uid): value for uid, value in values.items()}
+            columns[name] = {uid: said[uid] for uid in kept if uid in said} | columns.get(name, {})
     for name, values in columns.items():
         with storing(folder.path / name):
             write_column(folder.path, name, values)

@@ -7,7 +7,6 @@ finishes it. Taking an edit back is the same way backwards; what is brought back
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -131,14 +130,8 @@ class Edits:
         for name in (TRASH, FURTHER, *KINDS):
             if (folder.path / name).is_symlink():
                 raise InvalidValueError(f"{folder.path / name} is a link; nothing is moved through it.")
-        handle = os.open(folder.path, os.O_RDONLY)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        with folder.alone():
             yield Edits(folder, progress=progress)
-        except BlockingIOError:
-            raise InvalidValueError(f"{path} is being edited by another process: wait for it.") from None
-        finally:
-            os.close(handle)
 
     def last(self) -> Edit | None:
         """Return the last edit that was not taken back."""

@@ -11,7 +11,7 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
 from aerial_il.core.specs import CONDITIONS, EnvSpec
-from aerial_il.data.curation.derived import Chosen
+from aerial_il.data.curation.derived import Chosen, recorded_spec
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.mixture import check_alike
 from aerial_il.data.table import Row, read_table
@@ -29,16 +29,16 @@ def common_spec(datasets: Sequence[Dataset], *, mix: bool) -> EnvSpec:
     Raises:
         InvalidValueError: two differ; says in what.
     """
-    first = datasets[0]
-    for other in datasets[1:]:
-        if differing := _differences(first.spec, other.spec):
+    first, (spec, *others) = datasets[0], [recorded_spec(dataset) for dataset in datasets]
+    for other, its_spec in zip(datasets[1:], others, strict=True):
+        if differing := _differences(spec, its_spec):
             raise InvalidValueError(
                 f"{first.path} and {other.path} are of different environments and cannot be one dataset: "
                 f"{'; '.join(differing[:3])}. Training takes a folder that holds both as they are."
             )
         if not mix:
             check_alike(first, other)
-    return _united([dataset.spec for dataset in datasets])
+    return _united([spec, *others])
 
 
 def joined(datasets: Sequence[Dataset], *, progress: bool) -> list[Chosen]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 from collections.abc import Mapping
@@ -40,16 +41,25 @@ class PreferenceFile:
         preferences: all that it holds.
 
     Raises:
-        InvalidValueError: the place is somebody else's. DemoError: the file is damaged, or about another dataset.
+        InvalidValueError: the place is somebody else's, or another process adds to it.
+        DemoError: the file is damaged, or about another dataset.
         OSError: it cannot be written.
     """
 
     def __init__(self, path: str | os.PathLike[str], lengths: Mapping[str, int]) -> None:
         path = claim_file(path)
-        held = _lines(path, lengths) if path.exists() and path.stat().st_size else []
-        self.preferences = [preference for preference, _ in held]
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = open_own(path)
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            held = _lines(path, lengths) if path.stat().st_size else []
+        except BlockingIOError:
+            self._file.close()
+            raise InvalidValueError(f"{path} is being added to by another process: wait for it.") from None
+        except BaseException:
+            self._file.close()
+            raise
+        self.preferences = [preference for preference, _ in held]
         self._file.truncate(held[-1][1] if held else 0)
         if not held:
             self._write(HEADER)
@@ -87,7 +97,8 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
         try:
             tree = parse_json(line)
             if number == 1:
-                _check_header(tree)
+                if tree != HEADER:
+                    raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")
                 continue
             preference = _preference(tree)
             if lengths is not None:
@@ -96,11 +107,6 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
             raise DemoError(path, f"line {number} cannot be used ({error}).", hint=MAKE) from error
         found.append((preference, end))
     return found
-
-
-def _check_header(tree: Any) -> None:
-    if tree != HEADER:
-        raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")
 
 
 def _check(preference: Preference, lengths: Mapping[str, int]) -> None:

@@ -54,9 +54,11 @@ class Judgement:
 
     Attributes:
         columns: measure -> uid -> value. ``suspect`` has the reasons, with commas between; empty for none.
+        kept: whether they were written into the dataset.
     """
 
     columns: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    kept: bool = False
 
     @property
     def suspects(self) -> dict[str, str]:

@@ -12,7 +12,7 @@ from aerial_il.core.errors import DemoError
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.presentation.markdown import table
-from aerial_il.presentation.rerun import signals
+from aerial_il.presentation.rerun import palette, signals
 from aerial_il.presentation.rerun.cameras import log_cameras, log_pictures
 from aerial_il.presentation.rerun.log import Clock, Log
 from aerial_il.presentation.rerun.motion import Motion, compile_scene, move
@@ -86,7 +86,7 @@ def log_flight(
             log_pictures(Log(stream, f"{root}pictures", clock), name, episode.obs[name])
     signals.log_actions(curves, episode)
     signals.log_observations(curves, episode)
-    signals.log_reward(curves, episode.rewards)
+    signals.log_curves(curves, "reward", episode.rewards[:, None], {"reward": palette.REWARD}, width=2.0)
     signals.log_states(states, episode, flight.flags)
     if flight.prediction is not None:
         first = replace(curves, second=False)  # as bright for both flights

@@ -77,11 +77,6 @@ def log_observations(log: Log, episode: Episode) -> None:
         )
 
 
-def log_reward(log: Log, rewards: np.ndarray) -> None:
-    """Log the rewards (T,) of steps."""
-    log_curves(log, "reward", rewards[:, None], {"reward": palette.REWARD}, width=2.0)
-
-
 def log_forces(log: Log, motion: Motion) -> None:
     """Log the magnitude of all contacts of the robot, each rotor's thrust, and the wind's speed."""
     pressed = motion.contacts.on_robot_n[:, None]

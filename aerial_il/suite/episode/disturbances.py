@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -91,7 +92,8 @@ class Disturbances:
         """Draw the memories with which the episodes of the worlds in ``mask`` (n,) start, which stand where they do."""
         for i in np.flatnonzero(mask):
             userdata = self.view.userdata[i]
-            for name, memory in self._drawn_memories(int(userdata[SEED]), lambda i=int(i): self._stay(i)).items():
+            stay = partial(hold_action, self.scenario, self.view, int(i))
+            for name, memory in self._drawn_memories(int(userdata[SEED]), stay).items():
                 userdata[self.tier.memories[name]] = memory
             for place, mark in self.tier.marks.items():
                 userdata[place] = mark
@@ -141,9 +143,6 @@ class Disturbances:
     def _drawn_memories(self, seed: int, stay: Callable[[], np.ndarray]) -> dict[str, np.ndarray]:
         parts = self.tier.parts
         return {name: parts[name].start(Start(self._rng(name, seed), stay)) for name in self.tier.memories}
-
-    def _stay(self, world: int) -> np.ndarray:
-        return hold_action(self.scenario, self.view, world)
 
     def _rng(self, purpose: str, seed: int) -> np.random.Generator:
         return episode_rng(self.scenario.robot_name, self.scenario.task_name, purpose, seed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Any
 
 import mujoco
@@ -89,9 +88,8 @@ class Perceived:
         names, model, record = self._task.names, self._model, self.view.records[0]
         sites = [int(model.site(name).bodyid[0]) for name in names.sites]
         commanded = [name in self._task.commanded for name in names.sites]
-        self._roots = _unique(
-            model.body_rootid[body] for body, exact in zip(sites, commanded, strict=True) if not exact
-        )
+        roots = [int(model.body_rootid[body]) for body, exact in zip(sites, commanded, strict=True) if not exact]
+        self._roots = list(dict.fromkeys(roots))
         if len(self._roots) > layout.MAX_OBJECTS:
             raise InvalidValueError(
                 f"{self._task.name} shows {len(self._roots)} objects; at most {layout.MAX_OBJECTS}."
@@ -164,8 +162,3 @@ class Perceived:
         records["mocaps"][:, : len(names.mocaps)] = np.arange(len(names.mocaps))
         records["tool"], records["base"] = sites - 2, sites - 1
         return records
-
-
-def _unique(values: Iterable[int]) -> list[int]:
-    """The values without repeats, in order."""
-    return list(dict.fromkeys(int(value) for value in values))

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerial_il.control.controller import Steering
 from aerial_il.control.scratch import SCRATCH
-from aerial_il.control.vehicle import Gains, alone, record_of
+from aerial_il.control.vehicle import alone, record_of
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.kernels import entry_of
@@ -52,7 +52,7 @@ class Simulation:
     """Fly n worlds of one scenario.
 
     Args:
-        scenario: the environment. worlds: the simulator. gains: controller tuning, None for the scenario's flight law.
+        scenario: the environment. worlds: the simulator.
         num_threads: threads for the controllers, 0 for all cores.
         refinement: parts of each physics step in which ``worlds`` are stepped, see :class:`Flight`.
     """
@@ -61,7 +61,6 @@ class Simulation:
         self,
         scenario: Scenario,
         worlds: PhysicsBatch,
-        gains: Gains | None = None,
         num_threads: int = 0,
         *,
         refinement: int = 1,
@@ -69,7 +68,7 @@ class Simulation:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
         self.view = View(worlds, self.robot, self.task.names)
-        self.gains = (gains or registry.get("controller", scenario.controller)().gains).fitted(self.robot.vehicle)
+        self.gains = registry.get("controller", scenario.controller)().gains.fitted(self.robot.vehicle)
         self._steering = Steering(scenario.controller, self.robot.vehicle)
         self.disturbances = Disturbances(scenario, self.view)
         self._threads, self._own = ThreadPool(worlds.n, num_threads), _Own()

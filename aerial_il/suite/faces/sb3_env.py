@@ -76,7 +76,8 @@ class Sb3Env(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """The attribute that all worlds share, once for each."""
-        return [getattr(self if attr_name == "render_mode" else self.worlds, attr_name) for _ in self._chosen(indices)]
+        owner = self if attr_name == "render_mode" else self.worlds
+        return [getattr(owner, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set an attribute that all worlds share."""
@@ -85,14 +86,11 @@ class Sb3Env(VecEnv):
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
         """Call a method, over all worlds, once; its answer for each."""
         answer = getattr(self.worlds, method_name)(*method_args, **method_kwargs)
-        return [answer for _ in self._chosen(indices)]
+        return [answer for _ in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """No world stands in a wrapper of its own."""
-        return [False for _ in self._chosen(indices)]
-
-    def _chosen(self, indices: Any) -> Iterable[int]:
-        return self._get_indices(indices)
+        return [False for _ in self._get_indices(indices)]
 
     def _infos(self, info: dict[str, Any], worlds: Iterable[int] | None = None) -> list[dict[str, Any]]:
         """Return a dictionary for each of ``worlds``, with its entries of an info."""

@@ -242,7 +242,7 @@ class PhysicsBatch:
             outside=np.array([[_address(row) for row in array] for _, array in rows], np.int64),
             sizes=np.array([array[0].size for _, array in rows], np.int32),
             warnings=np.array(
-                [[_table_of_warnings(data) for data in self._datas], [_address(row) for row in self._warnings]],
+                [[_address(data.warning.lastinfo) for data in self._datas], [_address(row) for row in self._warnings]],
                 np.int64,
             ),
             num_warnings=self._warnings.shape[1],
@@ -261,11 +261,6 @@ class Physics(dm_mujoco.Physics):
 
     def __repr__(self) -> str:
         return f"Physics({self.model.nq} positions, {self.model.nv} velocities, {self.time():.2f} s)"
-
-    @staticmethod
-    def from_mujoco(model: mujoco.MjModel) -> Physics:
-        """Wrap a compiled model."""
-        return Physics.from_model(dm_mujoco.wrapper.MjModel(model))
 
     def step(self, nstep: int = 1) -> None:
         """Advance ``nstep`` physics steps, each with its own tick of the controller."""
@@ -286,8 +281,3 @@ def _memory(data: mujoco.MjData) -> list[tuple[int, int]]:
     end = stack_end(data)
     stack, arena = (end - STACK_BYTES, STACK_BYTES), (end - data.narena, CONTACT_BYTES)
     return [(_address(data.qpos), data.nbuffer), arena, stack]
-
-
-def _table_of_warnings(data: mujoco.MjData) -> int:
-    """Address of MuJoCo's (kinds, 2) int32 table: last information and count of each kind."""
-    return _address(data.warning.lastinfo)

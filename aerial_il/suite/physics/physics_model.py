@@ -36,7 +36,8 @@ def physics_model(full: mujoco.MjModel, xml: str, *, pairs: bool = True) -> mujo
         if body.name and body.name != "world":
             _keep_inertia(body, full)
         rotors = (site for site in body.sites if site.name.startswith(NAME("")))
-        for thing in (*(geom for geom in body.geoms if not _touches(geom)), *body.cameras, *body.lights, *rotors):
+        looks = (geom for geom in body.geoms if not (geom.contype or geom.conaffinity))
+        for thing in (*looks, *body.cameras, *body.lights, *rotors):
             spec.delete(thing)
     model = spec.compile()
     if (
@@ -102,10 +103,6 @@ def _name_pairs(spec: mujoco.MjSpec, model: mujoco.MjModel, touching: list[tuple
         )
     for geom in spec.geoms:
         geom.contype = geom.conaffinity = 0
-
-
-def _touches(geom: mujoco.MjsGeom) -> bool:
-    return bool(geom.contype or geom.conaffinity)
 
 
 def _keep_inertia(body: mujoco.MjsBody, full: mujoco.MjModel) -> None:

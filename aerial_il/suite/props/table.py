@@ -8,14 +8,15 @@ from aerial_il.robots.parts.collision import WORLD
 from aerial_il.suite.props.contact import HARD
 
 TABLE_HEIGHT_M = 0.4
+TABLE_HALF_WIDTH_M, TABLE_HALF_LENGTH_M = 0.40, 0.50  # along x and y
 TABLE_HALF_THICKNESS_M = 0.05  # in one step a peg that lands spinning gets 3 cm into it; it must come out on top
 FALLEN_M = 0.1  # below its surface: what is there, and not in a gripper, has fallen off
 
 
-def add_table(spec: mujoco.MjSpec, half_width: float = 0.40, half_length: float = 0.50) -> None:
-    """A table top at ``TABLE_HEIGHT_M`` around the origin, on one post; half sizes along x and y, m."""
+def add_table(spec: mujoco.MjSpec) -> None:
+    """A table top at ``TABLE_HEIGHT_M`` around the origin, on one post."""
     box, cylinder = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
-    top = [half_width, half_length, TABLE_HALF_THICKNESS_M]
+    top = [TABLE_HALF_WIDTH_M, TABLE_HALF_LENGTH_M, TABLE_HALF_THICKNESS_M]
     centre, wood = [0, 0, TABLE_HEIGHT_M - TABLE_HALF_THICKNESS_M], [0.78, 0.68, 0.55, 1]
     spec.worldbody.add_geom(name="table", type=box, pos=centre, size=top, rgba=wood, **WORLD, **HARD)
     post = [0.06, 0.5 * TABLE_HEIGHT_M - TABLE_HALF_THICKNESS_M, 0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 
 LATE_S = 0.005  # a tick that begins later than this after its deadline counts as late
@@ -31,25 +30,19 @@ class Metronome:
     """Waits for the next deadline.
 
     Args:
-        period: s between ticks. now, sleep: a clock in s and how to wait, for tests.
+        period: s between ticks.
     """
 
-    def __init__(
-        self,
-        period: float,
-        now: Callable[[], float] = time.perf_counter,
-        sleep: Callable[[float], None] = time.sleep,
-    ) -> None:
-        self._period, self._now, self._sleep = period, now, sleep
-        self._due = now() + period
+    def __init__(self, period: float) -> None:
+        self._period, self._due = period, time.perf_counter() + period
         self._starts: deque[float] = deque(maxlen=WINDOW)
         self._ticks = self._late = 0
 
     def wait(self) -> None:
         """Return at the next deadline, at once if it is over."""
-        if (left := self._due - self._now()) > 0.0:
-            self._sleep(left)
-        started = self._now()
+        if (left := self._due - time.perf_counter()) > 0.0:
+            time.sleep(left)
+        started = time.perf_counter()
         behind = started - self._due
         self._ticks += 1
         self._late += behind > LATE_S

@@ -42,7 +42,7 @@ class Film:
 
     Args:
         model: compiled scene. cameras: their names. size: (height, width). deliver: gets each shot, on the film's
-            thread. max_rate: shots per second at most.
+            thread.
     """
 
     def __init__(
@@ -51,13 +51,12 @@ class Film:
         cameras: Sequence[str],
         size: tuple[int, int],
         deliver: Callable[[Shot], None],
-        max_rate: float = MAX_RATE,
     ) -> None:
         known = (CHASE, *(model.camera(i).name for i in range(model.ncam)))
         if unknown := set(cameras) - set(known):
             raise UnknownNameError("camera", min(unknown), known)
         self._model, self.cameras, self._size = model, tuple(cameras), size
-        self._deliver, self._least = deliver, 1.0 / max_rate
+        self._deliver = deliver
         self._wake, self._ended = threading.Condition(), False
         self._shown: tuple[np.ndarray, int, float] | None = None
         self._thread = threading.Thread(target=self._run, name="film", daemon=True)
@@ -103,7 +102,7 @@ class Film:
                 images = tuple(_jpeg(_picture(renderer, chase, data, name), thrift) for name in self.cameras)
                 number += 1
                 self._deliver(Shot(number, input_seq, when, images))
-                time.sleep(max(0.0, started + self._least - time.perf_counter()))
+                time.sleep(max(0.0, started + 1.0 / MAX_RATE - time.perf_counter()))
         except BaseException as error:
             self.error = error
             raise

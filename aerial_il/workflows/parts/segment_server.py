@@ -46,6 +46,7 @@ class SegmentServer(LocalServer):
 def _told(source: Source) -> dict[str, Any]:
     """Return a flight as the page's script reads it."""
     return {
+        "uid": source.uid,
         "steps": len(source),
         "step_s": source.spec.control_dt_s,
         "things": source.names,

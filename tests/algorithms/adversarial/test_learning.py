@@ -19,6 +19,7 @@ from aerial_il.policies import load_policy
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from tests.algorithms.drift import Drift, Guide, demonstrations, mean_reward
 from tests.algorithms.made import made
+from tests.algorithms.stopped import assert_same_when_stopped
 from tests.algorithms.test_resume import assert_same_end
 
 POLICY = SquashedGaussian(hidden=(32, 32))
@@ -119,21 +120,10 @@ STOPPED = {
 
 @pytest.mark.parametrize("name", STOPPED)
 def test_a_stopped_run_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
-    def weight(policy: Any, step: int) -> dict[str, float]:
-        return {"weight": float(next(policy.network.parameters()).detach().sum())}
-
-    def stop(policy: Any, step: int) -> dict[str, float]:
-        if step >= 300:
-            raise KeyboardInterrupt
-        return weight(policy, step)
-
-    def train(run: str, evaluate: Any) -> None:
+    def train(run: Path, evaluate: Any) -> None:
         env, demos = Drift(3, ends_at_success=True), demonstrations(4, ends_at_success=True)
-        policy, options = SquashedGaussian(hidden=(8,)), {"run": tmp_path / run, "seed": 3, "progress": False}
-        STOPPED[name].train(demos, policy, env=env, evaluate=evaluate, **options)
+        options = {"run": run, "seed": 3, "progress": False, "evaluate": evaluate}
+        STOPPED[name].train(demos, SquashedGaussian(hidden=(8,)), env=env, **options)
 
-    train("whole", weight)
-    with pytest.raises(KeyboardInterrupt):
-        train("run", stop)
-    train("run", weight)
+    assert_same_when_stopped(train, tmp_path, 300)
     assert_same_end(tmp_path / "run", tmp_path / "whole")

@@ -18,23 +18,19 @@ from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.contracts import StepResult
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from tests.algorithms import small
 from tests.algorithms.drift import Drift, demonstrations
-from tests.algorithms.made import made, names
+from tests.algorithms.made import names
 
 DEMONSTRATED = [n for n in algorithms.names() if "demonstrations" in names(cls := algorithms.get(n)) and cls.rewarded]
-POLICY = SquashedGaussian(hidden=(16,))
-SMALL: dict[str, Any] = {"steps": 400, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
-SMALL |= {"utd_ratio": 0.02, "actor_every": 1, "gamma": 0.9, "log_every": 80, "checkpoint_every": 0}
-SMALL |= {"offline_steps": 4, "bc_pretrain_steps": 4, "critics": 2, "alpha": 1e-6, "entropy": -20.0}
+BRIEF: dict[str, Any] = {"steps": 400, "utd_ratio": 0.02, "offline_steps": 4, "bc_pretrain_steps": 4, "critics": 2}
+BRIEF |= {"alpha": 1e-6, "entropy": -20.0}
 each = pytest.mark.parametrize("name", DEMONSTRATED)
 with_and_without = pytest.mark.parametrize("absorbing", [True, False])
 
 
 def train(name: str, run: Path, env: Any, demos: list[Episode], **changes: Any) -> Any:
-    cls: Any = algorithms.get(name)
-    settings = made(cls, {**SMALL, **changes})
-    return settings.train(demos, POLICY, env=env, run=run, seed=1, progress=False)
+    return small.train(small.short(name, **{**BRIEF, **changes}), run, env, demos)
 
 
 class Memory:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerial_il import algorithms
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.off_policy.problems import explored
 from aerial_il.algorithms.online.interface import decode
@@ -23,15 +22,13 @@ from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
-from tests.algorithms import point_mass
+from tests.algorithms import point_mass, small
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
-from tests.algorithms.made import made
+from tests.algorithms.small import POLICY
 
 NAMES = ["ddpg", "sac", "td3"]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussian(hidden=(16,))
-SMALL: dict[str, Any] = {"steps": 320, "warmup": 160, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
-SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 160, "checkpoint_every": 0}
+BRIEF: dict[str, Any] = {"steps": 320, "warmup": 160, "log_every": 160}
 
 
 def cloned(run: Path, policy: PolicySettings = POLICY) -> Path:
@@ -57,8 +54,7 @@ def narrow(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def train(name: str, run: Path, *, evaluate: Any = None, **changes: Any) -> Any:
-    settings = made(algorithms.get(name), {**SMALL, **changes})
-    return settings.train(None, POLICY, env=Drift(8), run=run, seed=1, progress=False, evaluate=evaluate)
+    return small.train(small.short(name, **{**BRIEF, **changes}), run, Drift(8), evaluate=evaluate)
 
 
 @each
@@ -154,7 +150,7 @@ def test_a_prior_with_an_anchor_is_gone_on_from(tmp_path: Path, name: str) -> No
     policy = SquashedGaussian(hidden=(16,), anchor="ee_pos")
     cloning = BC(steps=40, batch_size=64, warmup_steps=5, ema=0.9, validation=0.0)
     cloning.train(point_mass.demonstrations(4), policy, run=tmp_path / "prior", progress=False)
-    settings = made(algorithms.get(name), {**SMALL, "prior": str(tmp_path / "prior"), "reward_patience": 0})
+    settings = small.short(name, **BRIEF, prior=str(tmp_path / "prior"), reward_patience=0)
     env = point_mass.PointMassBatch(8)
     started = settings.train(None, policy, env=env, run=tmp_path / "run", seed=1, progress=False)
     assert "actor/loss" in read_metrics(tmp_path / "run")[-1]

@@ -17,16 +17,17 @@ from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.problem import Given
 from aerial_il.algorithms.online.smoothness import NO_SMOOTHNESS
 from aerial_il.algorithms.sac import SAC
-from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalColumns, GoalSpec
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.layout import Layout
 from tests.algorithms import small
-from tests.algorithms.drift import EDGE, MAX_STEPS, SPEC, Drift, demonstrations
+from tests.algorithms.drift import EDGE, SPEC, Drift, demonstrations
 from tests.algorithms.made import names
 from tests.algorithms.small import POLICY, short, train
 from tests.algorithms.sought import GOAL, NEAR, Hidden, Sought, near
+from tests.algorithms.stateless_batch import fly
+from tests.algorithms.stopped import assert_same_when_stopped
 
 RELABELLED = [n for n in algorithms.names() if "hindsight.goals" in names(algorithms.get(n))]
 
@@ -109,13 +110,8 @@ def test_hindsight_learns_where_the_reward_hardly_comes(tmp_path: Path, name: st
 
 
 def success_rate(policy: Any) -> float:
-    env = Hidden(100)
-    obs, done = env.reset(10_000), np.zeros(100, bool)
-    policy.reset()
-    for _ in range(MAX_STEPS):
-        result = env.step(policy.act(obs))
-        obs, done = result.obs, result.info["success"]
-    return float(done.mean())
+    *_, last = fly(Hidden(100), policy, 10_000)
+    return float(last.info["success"].mean())
 
 
 def test_hindsight_is_refused_where_no_goal_is_told_or_seen(tmp_path: Path) -> None:
@@ -208,18 +204,7 @@ def test_demonstrations_are_rewarded_by_the_rule_of_their_goals(name: str) -> No
 @each
 def test_stopped_within_episodes_it_ends_with_the_same_bytes(tmp_path: Path, name: str) -> None:
     settings = beside(name, evaluate_every=104)
-    train_beside(settings, tmp_path / "whole", Sought(8), evaluate=lambda policy, step: {})
-
-    def stop(policy: Any, step: int) -> dict[str, float]:
-        if step:
-            raise KeyboardInterrupt
-        return {}
-
-    with pytest.raises(KeyboardInterrupt):
-        train_beside(settings, tmp_path / "run", Sought(8), evaluate=stop)
-    train_beside(settings, tmp_path / "run", Sought(8), evaluate=lambda policy, step: {})
-    whole, run = ((tmp_path / one / "policy" / ARRAYS).read_bytes() for one in ("whole", "run"))
-    assert run == whole
+    assert_same_when_stopped(lambda run, **judged: train_beside(settings, run, Sought(8), **judged), tmp_path, 1)
 
 
 @each

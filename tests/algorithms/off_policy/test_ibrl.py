@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,31 +13,29 @@ import pytest
 import torch
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.ibrl import IBRL, ProposedAgent
+from aerial_il.algorithms.ibrl import ProposedAgent
 from aerial_il.algorithms.off_policy.proposals import demonstrated_rows
 from aerial_il.algorithms.online.demonstrations import read_transitions
 from aerial_il.algorithms.online.interface import encode_actions, plain_interface
 from aerial_il.algorithms.online.replay_buffer import Batch, split
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import CheckpointError, InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.gated import GatedPolicy
 from aerial_il.policies.parts.layout import Layout
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from tests.algorithms import small
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
-from tests.algorithms.made import made
+from tests.algorithms.small import POLICY, short
+from tests.algorithms.stopped import assert_same_when_stopped, bytes_of
 
-POLICY = SquashedGaussian(hidden=(16,))
 CHUNKED = MLP(hidden=(16,), chunk=3, execute=3, ensemble=None, anchor=None, masked_fields=())
-SMALL: dict[str, Any] = {"steps": 320, "warmup": 64, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
-SMALL |= {"utd_ratio": 0.5, "actor_every": 1, "gamma": 0.9, "log_every": 80, "critics": 3, "bc_pretrain_steps": 50}
+BRIEF: dict[str, Any] = {"steps": 320, "critics": 3, "bc_pretrain_steps": 50}
 
 
-def train(run: Path, *, seed: int = 1, evaluate: Any = None, env: Any = None, **changes: Any) -> Any:
-    options = {"env": env or Drift(8), "run": run, "seed": seed, "progress": False, "evaluate": evaluate}
-    return made(IBRL, {**SMALL, **changes}).train(demonstrations(6), POLICY, **options)
+def train(run: Path, *, evaluate: Any = None, env: Any = None, **changes: Any) -> Any:
+    settings = short("ibrl", **{**BRIEF, **changes})
+    return small.train(settings, run, env or Drift(8), demonstrations(6), evaluate=evaluate)
 
 
 @pytest.fixture(scope="module")
@@ -71,19 +70,7 @@ def test_what_is_saved_flies_as_what_was_trained(tmp_path: Path, prior: Path) ->
 
 def test_stopped_within_a_chunk_it_ends_with_the_same_bytes(tmp_path: Path, prior: Path) -> None:
     settings = {"prior": str(prior), "evaluate_every": 40, "checkpoint_every": 40}
-    train(tmp_path / "whole", evaluate=lambda policy, step: {}, **settings)
-    for stop in (120, 200):
-
-        def stopped(policy: Any, step: int, stop: int = stop) -> dict[str, float]:
-            if step == stop:
-                raise KeyboardInterrupt
-            return {}
-
-        with pytest.raises(KeyboardInterrupt):
-            train(tmp_path / "run", evaluate=stopped, **settings)
-    train(tmp_path / "run", evaluate=lambda policy, step: {}, **settings)
-    run, whole = ((tmp_path / one / "policy" / ARRAYS).read_bytes() for one in ("run", "whole"))
-    assert run == whole
+    assert_same_when_stopped(partial(train, **settings), tmp_path, 120, 200)
 
 
 def test_evaluation_leaves_the_prior_that_flies_alone(tmp_path: Path, prior: Path) -> None:
@@ -97,8 +84,7 @@ def test_evaluation_leaves_the_prior_that_flies_alone(tmp_path: Path, prior: Pat
     settings = {"prior": str(prior), "evaluate_every": 40}
     for name, evaluate in (("judged", judged), ("alone", None)):
         train(tmp_path / name, evaluate=evaluate, **settings)
-    one, other = ((tmp_path / name / "policy" / ARRAYS).read_bytes() for name in ("judged", "alone"))
-    assert one == other
+    assert bytes_of(tmp_path / "judged") == bytes_of(tmp_path / "alone")
 
 
 def test_a_prior_that_acts_otherwise_or_is_missing_is_refused(tmp_path: Path, prior: Path) -> None:
@@ -170,7 +156,7 @@ def test_it_keeps_what_its_prior_could(tmp_path: Path, prior: Path) -> None:
 
 def agent(**changes: Any) -> ProposedAgent:
     torch.manual_seed(0)
-    return ProposedAgent(made(IBRL, {**SMALL, **changes}), POLICY.build(2, 1), (2, 1))
+    return ProposedAgent(short("ibrl", **{**BRIEF, **changes}), POLICY.build(2, 1), (2, 1))
 
 
 def batch(size: int = 64, *, known: float = 1.0) -> Batch:

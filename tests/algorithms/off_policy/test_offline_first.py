@@ -12,28 +12,25 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il import algorithms
 from aerial_il.algorithms.iql import IQL, ImplicitAgent
 from aerial_il.algorithms.online.replay_buffer import Batch, ReplayBuffer, mixed
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
-from aerial_il.policies.squashed_gaussian import SquashedGaussian
+from tests.algorithms import small
 from tests.algorithms.drift import Drift, demonstrations, mean_reward
 from tests.algorithms.made import made
+from tests.algorithms.small import POLICY
+from tests.algorithms.stopped import bytes_of
 
 NAMES = ["awac", "iql"]
 each = pytest.mark.parametrize("name", NAMES)
-POLICY = SquashedGaussian(hidden=(16,))
-SMALL: dict[str, Any] = {"steps": 80, "warmup": 16, "batch_size": 32, "lr": 3e-3, "tau": 0.05, "critic_hidden": (16,)}
-SMALL |= {"gamma": 0.9, "log_every": 20, "checkpoint_every": 20, "offline_steps": 50, "utd_ratio": 0.5}
+BRIEF = {"steps": 80, "warmup": 16, "log_every": 20, "checkpoint_every": 20, "offline_steps": 50}
 
 
 def train(name: str, run: Path, demos: list[Episode] | None = None, evaluate: Any = None, **changes: Any) -> Any:
-    settings = made(algorithms.get(name), {**SMALL, **changes})
-    options = {"env": Drift(8), "run": run, "seed": 1, "progress": False, "evaluate": evaluate}
-    return settings.train(demos or demonstrations(6), POLICY, **options)
+    settings = small.short(name, **{**BRIEF, **changes})
+    return small.train(settings, run, Drift(8), demos or demonstrations(6), evaluate=evaluate)
 
 
 @each
@@ -72,8 +69,7 @@ def test_stopped_before_it_flies_it_ends_with_the_same_bytes(
     with pytest.raises(KeyboardInterrupt):
         train(name, tmp_path / "run", evaluate=judged)
     train(name, tmp_path / "run", evaluate=lambda policy, step: {})
-    run, whole = ((tmp_path / one / "policy" / ARRAYS).read_bytes() for one in ("run", "whole"))
-    assert run == whole
+    assert bytes_of(tmp_path / "run") == bytes_of(tmp_path / "whole")
 
 
 def paid(episodes: list[Episode], reward: float, action: float) -> list[Episode]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,6 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.jsrl import JSRL
 from aerial_il.algorithms.on_policy.from_clone import FromClone
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.checkpoint import ARRAYS
 from aerial_il.core.errors import InvalidValueError, NoRewardError
 from aerial_il.policies import load_policy
 from aerial_il.policies.flow import Flow
@@ -24,6 +24,7 @@ from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.parts.residual import ResidualPolicy
 from tests.algorithms.drift import SPEC, Drift, Guide, Silent, demonstrations, mean_reward
 from tests.algorithms.made import made
+from tests.algorithms.stopped import assert_same_when_stopped, bytes_of
 
 NAMES = [n for n in algorithms.names() if issubclass(algorithms.get(n), FromClone)]
 CHUNKED = [n for n in NAMES if hasattr(algorithms.get(n), "exploration")]
@@ -80,19 +81,7 @@ def test_what_it_learned_is_saved_and_flies_on(tmp_path: Path, name: str, prior:
 def test_stopped_anywhere_it_ends_with_the_same_bytes(tmp_path: Path, name: str, prior: Path) -> None:
     """Twice, in the middle of episodes, chunks and what a guide flies."""
     settings = {"prior": str(prior), "evaluate_every": 128, "trial": 8, "trial_every": 128, "steps": 960}
-    train(name, tmp_path / "whole", evaluate=lambda policy, step: {}, **settings)
-    for stop in (256, 512):
-
-        def stopped(policy: Any, step: int, stop: int = stop) -> dict[str, float]:
-            if step >= stop:
-                raise KeyboardInterrupt
-            return {}
-
-        with pytest.raises(KeyboardInterrupt):
-            train(name, tmp_path / "run", evaluate=stopped, **settings)
-    train(name, tmp_path / "run", evaluate=lambda policy, step: {}, **settings)
-    run, whole = ((tmp_path / one / "policy" / ARRAYS).read_bytes() for one in ("run", "whole"))
-    assert run == whole
+    assert_same_when_stopped(partial(train, name, **settings), tmp_path, 256, 512)
 
 
 @each
@@ -113,7 +102,7 @@ def test_dropout_is_for_cloning(tmp_path: Path) -> None:
     dropping, runs = replace(POLICY, dropout=0.2), []
     for cadence in (128, 0):
         train("bc_ppo", tmp_path / str(cadence), policy=dropping, checkpoint_every=cadence)
-        runs.append((tmp_path / str(cadence) / "policy" / ARRAYS).read_bytes())
+        runs.append(bytes_of(tmp_path / str(cadence)))
     assert runs[0] == runs[1]
 
 

@@ -25,6 +25,7 @@ from aerial_il.policies.parts.layout import Layout
 from tests.algorithms.drift import SPEC, Drift, Silent
 from tests.algorithms.made import names
 from tests.algorithms.small import CHOICES, POLICY, short, train
+from tests.algorithms.stopped import assert_same_when_stopped
 
 TAUGHT = {n: algorithms.get(n) for n in algorithms.names()}
 REWARDED = [n for n, s in TAUGHT.items() if getattr(s, "rewarded", False) and not s.demonstrated]
@@ -72,18 +73,7 @@ def test_what_standardises_observations_is_saved(tmp_path: Path, name: str) -> N
 def test_what_the_warm_up_kept_is_standardised_when_it_ends(tmp_path: Path) -> None:
     """Stopped after the warm-up and gone on with, the run ends with the same bytes: the moments are kept too."""
     settings = short("td3", steps=320, obs_norm=True, evaluate_every=160)
-    whole = train(settings, tmp_path / "whole", Drift(8), evaluate=lambda policy, step: {})
-
-    def stop(policy: Any, step: int) -> dict[str, float]:
-        if step >= 160:
-            raise KeyboardInterrupt
-        return {}
-
-    with pytest.raises(KeyboardInterrupt):
-        train(settings, tmp_path / "run", Drift(8), evaluate=stop)
-    again = train(settings, tmp_path / "run", Drift(8), evaluate=lambda policy, step: {})
-    for mine, theirs in zip(again.network.parameters(), whole.network.parameters(), strict=True):
-        assert torch.equal(mine, theirs)
+    assert_same_when_stopped(lambda run, **judged: train(settings, run, Drift(8), **judged), tmp_path, 160)
 
 
 @pytest.mark.parametrize("name", REWARDED)

@@ -25,15 +25,6 @@ from aerial_il.policies.mlp import MLP
 from tests.data.crane import CraneBatch, CraneExpert
 
 
-@pytest.fixture(scope="module", autouse=True)
-def offline(tmp_path_factory: pytest.TempPathFactory):
-    with pytest.MonkeyPatch.context() as patch:
-        for name in ("HF_HUB_OFFLINE", "HF_DATASETS_OFFLINE"):
-            patch.setenv(name, "1")
-        patch.setenv("HF_HOME", str(tmp_path_factory.mktemp("hub")))
-        yield
-
-
 @pytest.fixture(scope="module")
 def derived(folder: DatasetFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(open_dataset(folder.path), tmp_path_factory.mktemp("derived") / "lerobot")

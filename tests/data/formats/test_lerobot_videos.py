@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import shutil
 from pathlib import Path
 from typing import Any
@@ -41,17 +40,15 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("foreign") / "data"
     joints = {"dtype": "float32", "shape": (2,), "names": JOINTS}
     picture = {"dtype": "video", "shape": SIZE, "names": ["height", "width", "channels"]}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("HF_HUB_OFFLINE", "1")
-        features = {"observation.state": joints, "action": joints, KEY: picture}
-        dataset = LeRobotDataset.create("them/arm", 20, features, root=root, robot_type="so100", video_backend="pyav")
-        for episode, steps in enumerate(STEPS):
-            for step in range(steps):
-                told = np.array([episode, step], np.float32)
-                seen = np.full(SIZE, shade(episode, step), np.uint8)
-                dataset.add_frame({"observation.state": told, "action": told / 50, KEY: seen, "task": "Fold it."})
-            dataset.save_episode()
-        dataset.finalize()
+    features = {"observation.state": joints, "action": joints, KEY: picture}
+    dataset = LeRobotDataset.create("them/arm", 20, features, root=root, robot_type="so100", video_backend="pyav")
+    for episode, steps in enumerate(STEPS):
+        for step in range(steps):
+            told = np.array([episode, step], np.float32)
+            seen = np.full(SIZE, shade(episode, step), np.uint8)
+            dataset.add_frame({"observation.state": told, "action": told / 50, KEY: seen, "task": "Fold it."})
+        dataset.save_episode()
+    dataset.finalize()
     return root
 
 
@@ -68,13 +65,9 @@ def test_names_texts_and_pictures_are_read(foreign: Path) -> None:
         np.testing.assert_allclose(episode.obs["front_rgb"][:-1].mean((1, 2, 3)), greys, atol=3)
 
 
-def test_stills_are_read_and_differing_task_texts_are_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_stills_are_read_and_differing_task_texts_are_told(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-    monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    monkeypatch.setattr(logging.getLogger("aerial_il"), "propagate", True)
     joints = {"dtype": "float32", "shape": (2,), "names": JOINTS}
     still = {"dtype": "image", "shape": (8, 8, 3), "names": ["height", "width", "channels"]}
     features = {"observation.state": joints, "action": joints, "observation.images.still": still}
@@ -163,13 +156,6 @@ def test_what_is_no_colour_video_is_no_camera() -> None:
     features = {"observation.images.a": video, "observation.images.b": depth, "c": {**video, "dtype": "float32"}}
     (only,) = camera_fields(features)
     assert (only.name, only.shape) == ("a_rgb", (48, 64, 3))
-
-
-@pytest.fixture(autouse=True)
-def _offline(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    for name in ("HF_HUB_OFFLINE", "HF_DATASETS_OFFLINE"):
-        monkeypatch.setenv(name, "1")
-    monkeypatch.setenv("HF_HOME", str(tmp_path / "hub"))
 
 
 def opened(path: Path) -> Any:

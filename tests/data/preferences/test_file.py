@@ -53,6 +53,13 @@ def test_cut_anywhere_it_is_gone_on_with(path: Path, tmp_path: Path) -> None:
         assert cut.read_bytes() == whole, size
 
 
+def test_one_process_at_a_time_adds_to_a_file(path: Path) -> None:
+    before = path.read_bytes()
+    with PreferenceFile(path, LENGTHS), pytest.raises(InvalidValueError, match="another process"):
+        PreferenceFile(path, LENGTHS)
+    assert path.read_bytes() == before
+
+
 def test_what_was_added_survives_a_kill(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of forking beside threads, of which this uses none

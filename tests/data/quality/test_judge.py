@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -101,6 +102,9 @@ def test_the_command_keeps_columns(folder: Path, capsys: pytest.CaptureFixture[s
     assert main(["merge", str(good), str(shaky), f"out={merged}", "mix=true", "progress=false"]) == 0
     assert main(["judge", str(merged), "keep=false", "progress=false"]) == 0
     assert not read_columns(merged)
+    _, _, advised = capsys.readouterr().out.rpartition("Next: aerial-il ")
+    assert main([*shlex.split(advised), "progress=false"]) == 0, "what was not kept is named by its uids"
+    assert next(iter(open_dataset(shaky).uids)) not in open_dataset(f"{merged}-sound").uids
     assert main(["judge", str(merged), "progress=false"]) == 0
     said = capsys.readouterr().out
     assert "demonstrations are suspect" in said

@@ -13,7 +13,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.result import EvaluationResult, load_result
 from aerial_il.presentation.films import video
 from aerial_il.presentation.films.overlay import Caption, compose, strip_height
-from tests.evaluation.hover import DT_S, HoverBatch
+from tests.data.crane import CraneBatch, crane_spec
 
 
 def read(path: Path) -> tuple[av.video.stream.VideoStream, list[np.ndarray]]:
@@ -23,7 +23,7 @@ def read(path: Path) -> tuple[av.video.stream.VideoStream, list[np.ndarray]]:
 
 @pytest.fixture(scope="module")
 def footage(diver: EvaluationResult, tmp_path_factory: pytest.TempPathFactory) -> video.Footage:
-    return video.film(HoverBatch(3), diver, tmp_path_factory.mktemp("films"), successes=1, failures=1)
+    return video.film(CraneBatch(3), diver, tmp_path_factory.mktemp("films"), successes=1, failures=1)
 
 
 @pytest.mark.render
@@ -57,7 +57,7 @@ def test_films_last_as_long_as_their_episodes(footage: video.Footage) -> None:
 
 
 def test_flying_again_ends_as_it_did_before(diver: EvaluationResult) -> None:
-    env = HoverBatch(2)
+    env = CraneBatch(2)
     for episode in diver.episodes:
         actions = diver.flights[episode.seed].actions
         assert actions is not None
@@ -68,29 +68,29 @@ def test_flying_again_ends_as_it_did_before(diver: EvaluationResult) -> None:
 
 
 def test_without_rendering_there_is_a_reason_instead(diver: EvaluationResult, tmp_path: Path) -> None:
-    footage = video.film(HoverBatch(1, renders=False), diver, tmp_path)
+    footage = video.film(CraneBatch(1, renders=False), diver, tmp_path)
     assert footage.clips == ()
     assert "gladLoadGL" in footage.note
     assert list(tmp_path.iterdir()) == []
 
 
 def test_unknown_cameras_are_named(diver: EvaluationResult, tmp_path: Path) -> None:
-    assert "it has scene, wrist" in video.film(HoverBatch(1), diver, tmp_path, cameras=["tail"]).note
+    assert "it has scene, wrist" in video.film(CraneBatch(1), diver, tmp_path, cameras=["tail"]).note
 
 
 def test_a_result_from_disk_cannot_be_filmed(diver: EvaluationResult, tmp_path: Path) -> None:
     loaded = load_result(diver.save(tmp_path))
     episode = loaded.episodes[0]
     with pytest.raises(InvalidValueError, match=f"actions of seed {episode.seed} were not kept"):
-        video.film_episode(HoverBatch(1), loaded, episode, tmp_path / "x.mp4", cameras=["scene"])
+        video.film_episode(CraneBatch(1), loaded, episode, tmp_path / "x.mp4", cameras=["scene"])
 
 
 def test_long_episodes_play_faster(diver: EvaluationResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video, "LONGEST_CLIP_S", 1.0)
-    monkeypatch.setattr(HoverBatch, "render", lambda self, *_: np.zeros((*video.VIEW_SIZE, 3), np.uint8))
+    monkeypatch.setattr(CraneBatch, "render", lambda self, *_: np.zeros((*video.VIEW_SIZE, 3), np.uint8))
     episode = next(e for e in diver.episodes if e.end == "timeout")
-    clip = video.film_episode(HoverBatch(1), diver, episode, tmp_path / "fast.mp4", cameras=["scene"])
-    assert clip.speed == np.ceil(episode.steps * DT_S)
+    clip = video.film_episode(CraneBatch(1), diver, episode, tmp_path / "fast.mp4", cameras=["scene"])
+    assert clip.speed == np.ceil(episode.steps * crane_spec().control_dt_s)
     assert len(read(clip.path)[1]) / video.FPS < 1.0 + video.HOLD_S + 0.2
 
 

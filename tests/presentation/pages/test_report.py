@@ -66,7 +66,7 @@ def test_the_headline_has_its_interval(full: Full, diver: EvaluationResult) -> N
     assert f"<b>{diver.success['count']} of 40</b>" in full.html
     assert percent(lo) in full.html
     assert percent(hi) in full.html
-    assert "Hold the end effector at the green ball." in full.html
+    assert "Bring the hook to the ball." in full.html
 
 
 def test_every_seed_and_every_failure_is_listed(full: Full, diver: EvaluationResult) -> None:

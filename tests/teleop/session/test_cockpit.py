@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import DemoError, InvalidValueError, StorageError
-from aerial_il.core.rotations import matmul_back, rotate, rotvec_from_mat
 from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
@@ -20,19 +19,22 @@ from aerial_il.data.recovery import recover_episode
 from aerial_il.data.replay import replay
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.physics.episode_state import FORCES
+from aerial_il.teleop.devices.driver import BINDINGS, Driver
 from aerial_il.teleop.devices.scripted import Scripted
 from aerial_il.teleop.input.frame import LABELS, bits_of
-from aerial_il.teleop.piloting.targets import heading, rotation
+from aerial_il.teleop.input.mapping import together
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.refly import refly
 from aerial_il.teleop.session.session import Event, State
 from tests.teleop.hands import schedule, shipped, world
 
+FLOWN_BY = together([BINDINGS, shipped("scripted")])  # the model of a driver, and scripts
+
 
 def cockpit_of(env: BatchEnvironment, out: Path, **settings) -> Cockpit:
     logbook = Logbook(env, str(out), operator="ada", first_seed=5000)
-    return Cockpit(env, shipped("scripted"), logbook, countdown=3, **settings)
+    return Cockpit(env, FLOWN_BY, logbook, countdown=3, **settings)
 
 
 def fly(cockpit: Cockpit, script: Callable[[int], list[str]], ticks: int) -> None:
@@ -82,7 +84,7 @@ def test_a_flight_replays_by_its_actions_and_by_its_log(env: BatchEnvironment, e
 
 def test_a_log_with_one_bit_changed_is_not_that_flight(env: BatchEnvironment, episode: Episode) -> None:
     rows = episode.extras["device"].copy()
-    rows[10, LABELS.index("held_low")] = bits_of(["lateral+"], shipped("scripted").controls)
+    rows[10, LABELS.index("held_low")] = bits_of(["lateral+"], FLOWN_BY.controls)
     with pytest.raises(DemoError, match="step 10"):
         refly(env, replace(episode, extras={"device": rows}))
 
@@ -184,10 +186,9 @@ def test_nobody_at_the_controls_pauses_a_recording(tmp_path: Path) -> None:
 
 
 def test_only_a_solved_episode_is_a_demonstration(tmp_path: Path) -> None:
-    """A script flies the tool to the target by what the status and the observation show."""
     env = world()
     cockpit = cockpit_of(env, tmp_path)
-    solve_reach(cockpit, 1500)
+    solve_reach(cockpit)
     assert cockpit.state is State.REVIEW
     assert cockpit.status().success
     fly(cockpit, schedule((1, 2, ["save"])), 4)
@@ -200,7 +201,7 @@ def test_only_a_solved_episode_is_a_demonstration(tmp_path: Path) -> None:
 
 def test_a_success_may_be_called_a_failure_but_not_reversed(tmp_path: Path) -> None:
     cockpit = cockpit_of(world(), tmp_path)
-    solve_reach(cockpit, 1500)
+    solve_reach(cockpit)
     fly(cockpit, schedule((1, 2, ["label"]), (3, 4, ["save"])), 6)
     recorded_label = schedule(
         (1, 2, ["record"]), (40, 41, ["save"]), (42, 43, ["label"]), (44, 45, ["label"]), (46, 47, ["save"])
@@ -250,11 +251,8 @@ def test_what_a_killed_flight_left_is_named_at_the_next(tmp_path: Path, caplog: 
 
 
 def test_how_long_success_has_held_is_shown_until_it_is_believed(tmp_path: Path) -> None:
-    cockpit, shown = cockpit_of(world(), tmp_path), []
-    device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)
-    while cockpit.state is not State.REVIEW:
-        cockpit.tick(device.frame())
-        shown.append(cockpit.status().held)
+    cockpit = cockpit_of(world(), tmp_path)
+    shown = solve_reach(cockpit)
     cockpit.close()
     assert shown[0] == 0.0
     assert shown[-1] == 1.0
@@ -279,43 +277,11 @@ def test_what_is_lost_for_good_is_said_once(tmp_path: Path) -> None:
     cockpit.close()
 
 
-def solve_reach(cockpit: Cockpit, ticks: int) -> None:
-    """Fly ``reach`` by keys, on what the environment shows, until the session asks what to do with it."""
-    device = Scripted(lambda tick: wanted(cockpit, tick), cockpit.bindings)
-    for _ in range(ticks):
-        cockpit.tick(device.frame())
-        if cockpit.state is State.REVIEW:
-            return
-
-
-def wanted(cockpit: Cockpit, tick: int) -> list[str]:
-    """Name the keys that lead the tool to the marked pose."""
-    if tick < 2:
-        return ["record"] if tick == 1 else []
-    if cockpit.state is not State.RECORDING:
-        return []
-    obs = {name: values[0] for name, values in cockpit.env.observe().items()}
-    return keys_towards(obs, cockpit.status().mode, tick)
-
-
-def keys_towards(obs: dict[str, np.ndarray], mode: str, tick: int) -> list[str]:
-    """Return keys for the tool's position first, then for its rotation."""
-    yaw = heading(obs)
-    c, s = np.cos(yaw), np.sin(yaw)
-    off = obs["tool_to_target"]
-    ahead, left, up = c * off[0] + s * off[1], -s * off[0] + c * off[1], off[2]
-    tool, target = rotation(obs["ee_rot6d"]), rotation(obs["target_rot6d"])
-    turn = np.array(rotate(tool, rotvec_from_mat(matmul_back(tool, target))))
-    roll, pitch, turned = c * turn[0] + s * turn[1], -s * turn[0] + c * turn[1], turn[2]
-    keys = _signed("yaw", turned, 0.03)
-    wrist = max(abs(roll), abs(pitch)) > 0.06 and np.linalg.norm(off) < 0.3
-    if wrist != (mode == "wrist"):
-        return ["mode"] if tick % 4 == 0 else []
-    if mode == "wrist":
-        return [*keys, "precision", *_signed("forward", pitch, 0.02), *_signed("lateral", -roll, 0.02)]
-    keys += _signed("forward", ahead, 0.006) + _signed("lateral", left, 0.006) + _signed("up", up, 0.006)
-    return [*keys, "precision"] if np.linalg.norm(off) < 0.15 else keys
-
-
-def _signed(motion: str, value: float, least: float) -> list[str]:
-    return [motion + ("+" if value > 0 else "-")] if abs(value) > least else []
+def solve_reach(cockpit: Cockpit) -> list[float]:
+    """Let the model of a driver fly until the session asks what to do with it; return the share held at each tick."""
+    driver, held = Driver("reach", cockpit.readings, dt=cockpit.env.spec.control_dt_s, seed=1), list[float]()
+    while cockpit.state is not State.REVIEW:
+        driver.see(cockpit.status())
+        cockpit.tick(driver.frame())
+        held.append(cockpit.status().held)
+    return held

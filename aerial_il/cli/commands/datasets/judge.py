@@ -48,5 +48,6 @@ def _as_text(found: Judgement, dataset: str) -> str:
     ]
     head = f"{len(suspects)} of {count} demonstrations are suspect: {told}."
     after = f"Look at one: aerial-il view {dataset} episode={next(iter(suspects))}"
-    then = f"Next: aerial-il filter {dataset} where=\"suspect == ''\" out={dataset.rstrip('/')}-sound"
+    where = "suspect == ''" if found.kept else f"uid not in {[*suspects]}"
+    then = f'Next: aerial-il filter {dataset} where="{where}" out={dataset.rstrip("/")}-sound'
     return "\n\n".join([head, table(rows), f"{after}\n{then}"])

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from aerial_il.cli.greeting import greeting
 from aerial_il.workflows.prefer import Prefer, prefer
+from aerial_il.workflows.spelling import command_line, path
 
 SETTINGS, BARE = Prefer, ("dataset",)
 
@@ -22,3 +23,6 @@ def run(settings: Prefer) -> None:
     made = prefer(settings, greeting("Judge", "; the same command goes on", open_page=settings.open))
     counts = ", ".join(f"{made.counts.get(name, 0)} {name}" for name in ("left", "right", "equal"))
     print(f"{made.path}: {sum(made.counts.values())} pairs, {counts}.")
+    answers = path("algorithm.preferences", settings.out)
+    words = ["train", path("dataset", settings.dataset), "algorithm=cpl", answers, "run=runs/preferred"]
+    print(f"Next: {command_line(words)}")

@@ -23,8 +23,11 @@ __all__ = ["OUTPUT", "SETTINGS", "run", "shards"]
 
 def run(settings: Collect) -> None:
     """Record, and say what comes next."""
+    from aerial_il.data.folder import DatasetFolder
+
     collect(settings)
     if settings.lerobot:
         print(f"LeRobot dataset: {settings.out}/derived/lerobot")
     name = settings.task if settings.env is None else settings.env.partition(":")[2]
-    print(f"Next: {command_line(['train', path('dataset', settings.out), f'run=runs/{name}'])}")
+    if DatasetFolder(settings.out).files():
+        print(f"Next: {command_line(['train', path('dataset', settings.out), f'run=runs/{name}'])}")

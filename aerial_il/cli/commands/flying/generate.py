@@ -20,5 +20,8 @@ __all__ = ["OUTPUT", "SETTINGS", "run", "shards"]
 
 def run(settings: Generate) -> None:
     """Generate, and say what comes next."""
+    from aerial_il.data.folder import DatasetFolder
+
     generate(settings)
-    print(f"Next: {command_line(['train', path('dataset', settings.out), 'run=runs/generated'])}")
+    if DatasetFolder(settings.out).files():
+        print(f"Next: {command_line(['train', path('dataset', settings.out), 'run=runs/generated'])}")

@@ -131,16 +131,24 @@ const uid = () => $("flight").value;
 const told = async (path, more = {}) => show(await (await ask(path, { uid: uid(), ...more })).json());
 
 async function open() {
+  const asked = uid();
   $("film").removeAttribute("src");
+  $("making").hidden = false;
   await attempt(() => told("/flight"));
   await attempt(async () => {
-    const asked = uid(), film = await (await ask("/film", { uid: asked })).blob();
+    const film = await (await ask("/film", { uid: asked })).blob();
     if (asked === uid()) $("film").src = URL.createObjectURL(film);
   });
+  if (asked === uid()) $("making").hidden = true;
+}
+
+function leave() {
+  if (!dirty || confirm("The cuts of this flight are not saved. Leave them?")) open();
+  else $("flight").value = flight.uid;
 }
 
 $("flight").replaceChildren(...uids.map((name) => new Option(name)));
-$("flight").onchange = open;
+$("flight").onchange = leave;
 $("play").onclick = $("film").onclick = () => attempt(() => ($("film").paused ? $("film").play() : $("film").pause()));
 $("film").onplay = $("film").onpause = () => { $("play").textContent = $("film").paused ? "Play" : "Pause"; };
 $("film").ontimeupdate = () => { $("now").style.left = share(here()); };
