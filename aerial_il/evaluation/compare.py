@@ -156,7 +156,11 @@ def other_conditions(a: EvaluationResult, b: EvaluationResult) -> list[str]:
     """Say, besides the tiers that were asked for, what differs between the conditions of two evaluations."""
     engines = [result.provenance.get("engine") or "1" for result in (a, b)]
     notes = [f"a was flown with version {engines[0]} of the engine, b with {engines[1]}."] * (engines[0] != engines[1])
-    meant = [result.provenance.get("environment", {}).get("disturbances", {}) for result in (a, b)]
+    flown = [result.provenance.get("environment", {}) for result in (a, b)]
+    for name in ("latency", "execution"):
+        a_has, b_has = (each.get(name) or "none" for each in flown)
+        notes += [f"Their {name} differs: {a_has} of a, {b_has} of b."] * (a_has != b_has)
+    meant = [each.get("disturbances", {}) for each in flown]
     if a.tier == b.tier and (differing := disturbance_changes(*meant)):
         notes.append(f"Tier {a.tier} did not mean the same in both: {'; '.join(differing)}.")
     return notes

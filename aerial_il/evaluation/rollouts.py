@@ -191,6 +191,6 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
             **({"latency": env.latency.said} if isinstance(env, LateBatch) else {}),
             **({"execution": said} if (said := getattr(policy, "execution", AS_TRAINED).said) else {}),
         },
-        "policy_sha256": checkpoint.digest(saved) if saved else None,
+        "policy_sha256": checkpoint.digest(saved) if saved else getattr(policy, "sha256", None),
         "torch_threads": torch.get_num_threads() if torch else None,
     }

@@ -61,9 +61,10 @@ def export(settings: Export) -> Exported:
     write_json(out / DESCRIPTION, described(policy, graph))
     difference = apart(policy, load_exported(out))
     if not difference <= TOLERANCE:
+        (out / DESCRIPTION).unlink()  # it could be flown
         raise InvalidValueError(
             f"{out / GRAPH} answers otherwise than the network, by {difference:.2g} in normalised actions, where "
-            f"{TOLERANCE:g} is allowed. Do not fly it; report the policy's class, {policy.config.name}."
+            f"{TOLERANCE:g} is allowed. It cannot be flown; report the policy's class, {policy.config.name}."
         )
     write_atomic(out / CARD, model_card(policy, title=out.resolve().name, result=result, license=settings.license))
     return Exported(out, len(graph), difference)

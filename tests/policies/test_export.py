@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -10,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.evaluation.rollouts import origin_of
 from aerial_il.policies import load_any_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.workflows.export import Export, export
@@ -101,6 +104,7 @@ def test_the_readme_says_what_it_flies(tmp_path: Path) -> None:
         ("exported.json", lambda raw: raw[: len(raw) // 2]),
         ("exported.json", lambda raw: raw.replace(b"exported_policy/1", b"exported_policy/9")),
         ("exported.json", lambda raw: raw.replace(b'"centre"', b'"center"')),
+        ("exported.json", lambda raw: raw.replace(b'"obs_clip": ', b'"obs_clip": 1')),
         ("exported.json", lambda raw: b"[]"),
     ],
 )
@@ -125,3 +129,42 @@ def test_the_command_exports_and_says_how_to_fly_it(tmp_path: Path, capsys: pyte
     assert f"aerial-il evaluate policy={tmp_path / 'flies'}" in capsys.readouterr().out
     assert main(["export", str(tmp_path / "policy"), f"out={tmp_path / 'flies'}", "license=mine"]) == 2
     assert "license='mine' is not one of" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        ("flown", "chunk", 10**12),
+        ("flown", "chunk", -1),
+        ("flown", "chunk", 11),
+        ("flown", "history", 10**9),
+        ("flown", "history", 1.5),
+        ("flown", "ensemble", float("nan")),
+        ("noise", "size", 10**12),
+        ("action", "scale", [1.0]),
+        ("obs", "centre", [float("nan")]),
+        ("switches", "switches.low", [0.0]),
+    ],
+)
+def test_a_description_that_does_not_fit_is_refused(part: str, name: str, value: object, tmp_path: Path) -> None:
+    place = exported(policy("mlp"), tmp_path)
+    said = json.loads((place / "exported.json").read_text())
+    said[part][name] = value
+    if name == "scale":
+        said[part] = {"scale": value, "centre": value}
+    del said["sha256"]
+    sealed = hashlib.sha256(json.dumps(said, sort_keys=True).encode() + (place / "network.onnx").read_bytes())
+    (place / "exported.json").write_text(json.dumps({**said, "sha256": sealed.hexdigest()}))
+    with pytest.raises(CheckpointError, match="is no policy that was exported"):
+        load_any_policy(place)
+
+
+def test_an_evaluation_knows_an_exported_policy_by_its_weights(tmp_path: Path) -> None:
+    env = aerial_il.load_batch("floating_gripper", "reach", num_envs=1, num_threads=1)
+    known = set[str]()
+    for folder, clip in (("a", 5.0), ("b", 5.0), ("c", 6.0)):
+        (tmp_path / folder).mkdir()
+        place = exported(policy("mlp", obs_clip=clip), tmp_path / folder)
+        known.add(origin_of(env, load_any_policy(place))["policy_sha256"])
+    assert None not in known
+    assert len(known) == 2

@@ -7,6 +7,8 @@ fields with their units, anchor, normalisation, how chunks are flown. Nothing is
 from __future__ import annotations
 
 import hashlib
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -31,6 +33,7 @@ SCHEMA = "aerial_il.exported_policy/1"
 GRAPH, DESCRIPTION, CARD = "network.onnx", "exported.json", "README.md"
 STATE, IMAGE, NOISE, ACTIONS = "state", "image.", "noise", "actions"
 LARGEST_GRAPH = 2 << 30  # bytes; protobuf allows no more
+MOST = 1 << 24  # numbers that one world shows at once, draws or is answered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +51,12 @@ class Flown:
     execute: int
     ensemble: float | None
 
+    def __post_init__(self) -> None:
+        for name in ("history", "chunk", "execute"):
+            _count(name, getattr(self, name))
+        if self.ensemble is not None and not math.isfinite(self.ensemble):
+            raise ValueError(f"its ensemble is {self.ensemble}")
+
 
 class OnnxPolicy(FlyingPolicy):
     """An exported policy; acts as the one that it was exported from.
@@ -55,7 +64,7 @@ class OnnxPolicy(FlyingPolicy):
     Args:
         config: how its chunks are flown. interface: what the graph is wired to. session: of onnxruntime.
         noise_size, redraws: numbers that one answer takes, and whether each takes new ones.
-        origin: where the policy comes from.
+        origin: where the policy comes from. sha256: of all that decides how it flies.
     """
 
     config: Flown
@@ -69,8 +78,10 @@ class OnnxPolicy(FlyingPolicy):
         noise_size: int,
         redraws: bool,
         origin: Mapping[str, Any],
+        sha256: str,
     ) -> None:
         super().__init__(config, interface, noise_size=noise_size, redraws=redraws, origin=origin)
+        self.sha256 = sha256
         self._session, self._inputs = session, tuple(each.name for each in session.get_inputs())
 
     def answer(self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None) -> np.ndarray:
@@ -83,6 +94,7 @@ class OnnxPolicy(FlyingPolicy):
         again = OnnxPolicy(
             self.config, self.interface, self._session,
             noise_size=self._noise.size, redraws=self._noise.redraw, origin=self.origin,
+            sha256=self.sha256,
         )  # fmt: skip
         again._shown_for = self._shown_for
         return again
@@ -92,9 +104,8 @@ def described(policy: ChunkPolicy, graph: bytes) -> dict[str, Any]:
     """Return the contents of ``exported.json``, plain values: all but the graph."""
     wiring, config = policy.interface, policy.config
     layout = wiring.layout
-    return {
+    said = {
         "schema": SCHEMA,
-        "sha256": hashlib.sha256(graph).hexdigest(),
         "flown": {name: getattr(config, name) for name in Flown.__annotations__},
         "noise": {"size": policy.network.noise_size, "redraws": policy.network.redraws},
         "layout": {name: value for name, value in _fields(layout).items() if name != "spec"},
@@ -105,6 +116,7 @@ def described(policy: ChunkPolicy, graph: bytes) -> dict[str, Any]:
         "origin": policy.origin,
         "spec": layout.spec.to_dict(),
     }
+    return {**said, "sha256": _digest(json.loads(json.dumps(said)), graph)}
 
 
 def load_exported(folder: Path, *, threads: int = 1) -> OnnxPolicy:
@@ -125,18 +137,48 @@ def load_exported(folder: Path, *, threads: int = 1) -> OnnxPolicy:
         graph = read_bytes(folder / GRAPH, most=LARGEST_GRAPH)
         if said.get("schema") != SCHEMA:
             raise ValueError(f"its schema is {said.get('schema')}, not {SCHEMA}")
-        if hashlib.sha256(graph).hexdigest() != said["sha256"]:
-            raise ValueError(f"{GRAPH} is not the one that {DESCRIPTION} describes")
+        if (sha256 := said.pop("sha256")) != _digest(said, graph):
+            raise ValueError(f"{GRAPH} or {DESCRIPTION} was altered: they are not those of its digest")
         options = SessionOptions()
         options.intra_op_num_threads = threads
         session = InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-        noise = said["noise"]
-        return OnnxPolicy(
+        size = _count("noise", said["noise"]["size"], least=0)
+        policy = OnnxPolicy(
             Flown(**said["flown"]), _interface(said), session,
-            noise_size=int(noise["size"]), redraws=bool(noise["redraws"]), origin=said["origin"],
+            noise_size=size, redraws=bool(said["noise"]["redraws"]), origin=said["origin"], sha256=sha256,
         )  # fmt: skip
+        _require_fitting(policy, size)
+        return policy
     except (OSError, LookupError, TypeError, ValueError, AttributeError, RuntimeError, InvalidValueError) as error:
         raise CheckpointError(folder, f"is no policy that was exported by this release ({error}).") from error
+
+
+def _digest(said: Mapping[str, Any], graph: bytes) -> str:
+    """Return the SHA-256 of a graph and of all else that is said of it."""
+    return hashlib.sha256(json.dumps(said, sort_keys=True).encode() + graph).hexdigest()
+
+
+def _count(name: str, value: object, *, least: int = 1) -> int:
+    if type(value) is not int or not least <= value <= MOST:
+        raise ValueError(f"its {name} is {value!r}, no number from {least} to {MOST}")
+    return value
+
+
+def _require_fitting(policy: OnnxPolicy, noise_size: int) -> None:
+    """Refuse a graph that does not answer one world as the description says: whoever flies it relies on that."""
+    wiring, frames = policy.interface, (1, policy.config.history)
+    layout, size = wiring.layout, wiring.layout.spec.action.size
+    wired = tuple(len(each) for each in (wiring.obs.scale, wiring.action.scale, *wiring.switches.arrays().values()))
+    if wired != (layout.size, size, size, size):
+        raise ValueError(f"it normalises {wired} elements of {(layout.size, size, size, size)}")
+    shapes = {name: (*frames, *shape) for name, shape in zip(layout.images, layout.image_shapes, strict=True)}
+    for name, shape in {STATE: (*frames, layout.size), **shapes}.items():
+        _count(name, math.prod(shape), least=0)
+    state, noise = np.zeros((*frames, layout.size), np.float32), np.zeros((1, noise_size), np.float32)
+    images = {name: np.zeros(shape, np.uint8) for name, shape in shapes.items()}
+    answered, wanted = policy.answer(state, images, noise).shape, (1, policy.config.chunk, size)
+    if answered != wanted:
+        raise ValueError(f"{GRAPH} answers {answered}, not {wanted}")
 
 
 def _fields(layout: Layout) -> dict[str, Any]:
