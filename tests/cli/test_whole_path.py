@@ -93,7 +93,8 @@ def test_rollouts_on_the_way_take_seeds_that_do_not_judge(sweep: Path) -> None:
     assert flown[0]["evaluate/success_low"] <= flown[0]["evaluate/success"] <= flown[0]["evaluate/success_high"]
     assert (sweep / "seed=0" / "best").is_dir()
     kept = json.loads((sweep / "seed=1" / "command.json").read_text())
-    assert kept["dataset"] == {"path": "demos", "episodes": None, "reading": {}}
+    learned_from = {"path": "demos", "episodes": None, "others": [], "weights": [], "latency_ms": None, "reading": {}}
+    assert kept["dataset"] == learned_from
     assert "evaluate_every=2 evaluate_episodes=1" in kept["command"]
 
 
