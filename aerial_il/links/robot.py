@@ -226,7 +226,7 @@ class SimulatedRobot:
         if follows and self._setpoint is not None and not quiet:
             self.mode = Mode.FLYING
             return self._setpoint
-        if self.mode is Mode.FLYING and (quiet or self._setpoint is None and self._level != self._first):
+        if self.mode is Mode.FLYING and (quiet or (self._setpoint is None and self._level != self._first)):
             self._hold()
         if self.mode is Mode.FLYING:  # released, and not yet commanded
             return self._first, hold_action(self.env.scenario, self.env.simulation.view, 0)
