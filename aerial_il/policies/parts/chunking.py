@@ -105,6 +105,11 @@ class ActionPlan:
             self._count[rows] = count + 1
         self._age[rows] = 0
 
+    @property
+    def ready(self) -> bool:
+        """Whether every world has a next action."""
+        return bool(len(self._mean)) and bool((self._count[:, 0] > 0).all())
+
     def pop(self) -> np.ndarray:
         """Take the next action (n, Da) of every world out of its plan."""
         action = self._mean[:, 0].copy()
