@@ -175,6 +175,19 @@ class LinkedEnvironment(BatchEnvBase):
             action[first : first + joints.size] = joints
         return self.spec.action.clip(action)[None]
 
+    def look(self) -> dict[str, np.ndarray]:
+        """Wait for what the robot shows before a flight, and return it: name -> (1, ...).
+
+        Raises:
+            LinkError: it shows nothing.
+        """
+        until = time.perf_counter() + PATIENCE_S
+        while (reading := self.link.read()) is None:
+            if time.perf_counter() > until:
+                raise LinkError(f"The robot has shown nothing for {PATIENCE_S:g} s.")
+            time.sleep(0.002)
+        return {name: value[None] for name, value in reading.obs.items()}
+
     def observe(self) -> dict[str, np.ndarray]:
         """Return what the robot shows, as last read: name -> (1, ...)."""
         return {name: value[None].copy() for name, value in self._obs.items()}

@@ -32,6 +32,9 @@ class LinkPilot:
         policy: what flies. think_ticks: ticks from what is seen to the answer being flown; 0: within the tick.
         blend_ticks: over which the step from one chunk to the next is spread; 0: not at all.
 
+    Attributes:
+        starved: ticks of the flight in which nothing was planned. troubles: seed -> ticks in which the robot hovered.
+
     Raises:
         InvalidValueError: thinking for longer is for policies that fly chunks.
     """
@@ -43,6 +46,7 @@ class LinkPilot:
         self._thinker = ThreadPoolExecutor(1, "policy") if think_ticks else None
         self._env: LinkedEnvironment | None = None
         self.starved = 0
+        self.troubles: dict[int, int] = {}
         self._forget()
 
     @property
@@ -77,6 +81,8 @@ class LinkPilot:
         env = self._env
         if env is None:
             return {}
+        if env.held:
+            self.troubles[int(env.seeds[0])] = env.held
         return {"held_ticks": env.held, "starved_ticks": self.starved, "timing": env.timing.summary()}
 
     def close(self) -> None:

@@ -73,10 +73,10 @@ class ChunkPolicy(FlyingPolicy):
         again._plan = self._plan.empty()
         return again
 
-    def executing(self, execution: Execution, latency: Latency = NO_LATENCY) -> Self:
+    def executing(self, execution: Execution, latency: Latency = NO_LATENCY, *, thinking: int = 0) -> Self:
         if type(self) is not ChunkPolicy:
             raise InvalidValueError("execution: a policy around another one flies its chunks as it was trained.")
-        return super().executing(execution, latency)
+        return super().executing(execution, latency, thinking=thinking)
 
     @property
     def can_be_led(self) -> bool:

@@ -171,11 +171,12 @@ class FlyingPolicy(ABC):
         """Return what leads the chunks of the m worlds in ``due`` (n,), which see ``history`` (m, To, Do)."""
         return None
 
-    def executing(self, execution: Execution, latency: Latency = NO_LATENCY) -> Self:
+    def executing(self, execution: Execution, latency: Latency = NO_LATENCY, *, thinking: int = 0) -> Self:
         """Return the same policy, network shared, whose chunks are flown as ``execution`` says.
 
         Args:
             execution: see there. latency: of the robot.
+            thinking: control steps from :meth:`look` to :meth:`plan`, in which it goes on as it had planned.
 
         Raises:
             InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, or the
@@ -189,8 +190,14 @@ class FlyingPolicy(ABC):
             asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
             raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
         execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
-        delay = 0 if execution.chunks == "plain" else steps
-        again._plan = ActionPlan(config.chunk, max(1, execute), ensemble, delay=delay)
+        delay = 0 if execution.chunks == "plain" else steps + thinking
+        spare = config.chunk - delay - max(1, execute)
+        if thinking > spare:
+            raise InvalidValueError(
+                f"Of a chunk of {config.chunk} actions, {max(0, spare)} are left to fly while {config.name} thinks for "
+                f"{thinking} steps. Train with a longer policy.chunk, or a shorter policy.execute."
+            )
+        again._plan = ActionPlan(config.chunk, max(1, execute), ensemble, delay=delay, thinking=min(thinking, delay))
         again.execution = execution
         return again
 
