@@ -8,6 +8,7 @@ no set point is sent while the guard objects: the robot then hovers by itself.
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +24,7 @@ from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
 from aerial_il.links.robot import SimulatedRobot
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.scenario import Scenario
-from aerial_il.teleop.session.clock import LATE_S, Metronome
+from aerial_il.teleop.session.clock import LATE_S, Metronome, Pace
 
 PATIENCE_S = 10.0  # for a robot that was told to begin
 UNTOLD = {"sparse_reward": 0.0, "ee_error_m": np.nan, "effort": np.nan, "contacts": 0, "force_in_band_raw": np.nan}
@@ -92,6 +93,16 @@ class LinkedEnvironment(BatchEnvBase):
     def trouble(self) -> str:
         """Why the policy is not to fly now; empty if it may."""
         return self.watch.trouble
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """What a simulator told besides with the last reading."""
+        return {} if self._reading is None else self._reading.told
+
+    @property
+    def pace(self) -> Pace | None:
+        """How the loop keeps time; None in lockstep."""
+        return None if self._metronome is None else self._metronome.pace
 
     @property
     def simulation(self) -> Any:
@@ -226,7 +237,7 @@ class LinkedEnvironment(BatchEnvBase):
         self._reading, self._obs = reading, dict(reading.obs)
 
     def _told(self, name: str, otherwise: Any) -> Any:
-        return otherwise if self._reading is None else self._reading.told.get(name, otherwise)
+        return self.told.get(name, otherwise)
 
     def _result(self, action: np.ndarray) -> StepResult:
         flags = {name: np.array([bool(self._told(name, False))]) for name in ("success", "crash", "dropped")}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+import getpass
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 from aerial_il.core.errors import InvalidValueError
@@ -43,6 +46,9 @@ class Fly:
         episodes: number of flights, one for each seed.
         seed: first seed; it sets the scene of a simulated robot.
         land: land after the last flight.
+        page: serve a page to watch on and to take over from the policy; while nobody watches, the robot hovers.
+        port: of that page (0: any that is free).
+        open: open it in the browser.
         progress: show a progress bar.
     """
 
@@ -61,10 +67,13 @@ class Fly:
     episodes: int = 1
     seed: int = 10_000
     land: bool = True
+    page: bool = False
+    port: int = 8642
+    open: bool = True
     progress: bool = True
 
     def __post_init__(self) -> None:
-        at_least(self, episodes=1, seed=0, think_ms=0.0, blend_ms=0.0)
+        at_least(self, episodes=1, seed=0, think_ms=0.0, blend_ms=0.0, port=0)
 
 
 @dataclass(frozen=True)
@@ -98,9 +107,9 @@ def fly(settings: Fly) -> Flown:
     with closing(LinkedEnvironment(link, settings.guard)) as env:
         seeds = range(settings.seed, settings.seed + settings.episodes)
         pilot, ticks = _pilot(settings, known.policy, env)
-        with closing(pilot):
+        with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
-                env, pilot, seeds, settings.out, policy_name=settings.policy, settings=_said(settings, ticks),
+                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, ticks),
                 progress=settings.progress,
             )  # fmt: skip
         remember(flown, env.spec)
@@ -141,6 +150,27 @@ def _pilot(settings: Fly, policy: Policy, env: LinkedEnvironment) -> tuple[LinkP
     if settings.execution != AS_TRAINED or ticks:
         policy = policy.executing(settings.execution, settings.latency, thinking=ticks)
     return LinkPilot(policy, think_ticks=ticks, blend_ticks=blend), ticks
+
+
+@contextmanager
+def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterator[tuple[Policy, str]]:
+    """Yield what flies, taken over by who is on the page where there is one, and its name."""
+    if not settings.page:
+        yield pilot, settings.policy
+        return
+    from aerial_il.core import presets
+    from aerial_il.core.rendering import require_rendering
+    from aerial_il.data.provenance import HUMAN
+    from aerial_il.links.takeover import TakeOver
+    from aerial_il.teleop.devices import bindings_of
+    from aerial_il.teleop.flight import Site
+    from aerial_il.workflows.parts.page import DEVICES, greet
+
+    require_rendering("watching on the page")
+    bindings = bindings_of({device: presets.read("device", device) for device in DEVICES})
+    operator, opened = getpass.getuser(), partial(greet, open_page=settings.open)
+    with TakeOver(pilot, env, bindings, Site(port=settings.port), operator=operator, opened=opened) as shared:
+        yield shared, f"{settings.policy} with {HUMAN}{operator}"
 
 
 def _said(settings: Fly, ticks: int) -> dict[str, Any]:

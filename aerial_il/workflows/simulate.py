@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.links.simulated.link import Simulated
 from aerial_il.workflows.fly import LinkChoice
 from aerial_il.workflows.parts.names import Controller, Robot, Task, Tier, at_least
 
@@ -27,7 +28,7 @@ class Simulate:
         seed: of the scene that it begins with.
     """
 
-    link: LinkChoice
+    link: LinkChoice = field(default_factory=Simulated)
     robot: Robot = "ua_quad_arm4"
     task: Task = "pick_place"
     tier: Tier = "calm"
