@@ -19,9 +19,10 @@ from aerial_il.control.actions import ActionLevel, hover_action
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import camera_name
-from aerial_il.links.guard import Guard, Watch
+from aerial_il.links.guard import Guard
 from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
 from aerial_il.links.robot import SimulatedRobot
+from aerial_il.links.watch import Watch
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.scenario import Scenario
 from aerial_il.teleop.session.clock import LATE_S, Metronome, Pace

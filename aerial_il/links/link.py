@@ -6,18 +6,15 @@ robot that hears none for a while hovers by itself. Levels may change from one s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.errors import AerialError
 from aerial_il.core.specs import EnvSpec
-
-if TYPE_CHECKING:
-    from aerial_il.links.robot import SimulatedRobot
 
 LINKED_LEVELS = ("ee_pose", "base_joint", "velocity")  # a lost set point of these changes nothing that comes later
 QUIET_S = 0.2  # without a set point for longer, a robot hovers
@@ -111,24 +108,3 @@ class Link(Protocol):
     def close(self) -> None:
         """Give up the link; a robot in the air hovers."""
         ...
-
-
-class LinkSettings:
-    """Settings of one kind of link: frozen dataclasses in ``links/NAME/link.py`` inherit from it."""
-
-    def connect(self, here: Callable[[], SimulatedRobot]) -> Link:
-        """Return a link to a robot that is there already, or to the one that is made by ``here``.
-
-        Raises:
-            LinkError: there is none, or it does not answer. InvalidValueError: packages are missing; names the command.
-        """
-        raise NotImplementedError
-
-    def serve(self, robot: SimulatedRobot) -> None:
-        """Let others fly a simulated robot over such a link, until interrupted."""
-        raise InvalidValueError(f"link={self.name} is flown in one process: aerial-il fly link={self.name} ...")
-
-    @property
-    def name(self) -> str:
-        """What it is called: the name of its folder."""
-        return type(self).__module__.split(".")[-2]

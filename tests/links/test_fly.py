@@ -14,11 +14,13 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.links.environment import LinkedEnvironment
-from aerial_il.links.guard import Guard, Watch
+from aerial_il.links.guard import Guard
 from aerial_il.links.link import LinkError, Mode, Order, Reading
 from aerial_il.links.pilot import LinkPilot
 from aerial_il.links.robot import SimulatedRobot
-from aerial_il.links.simulated.link import Simulated, SimulatedLink
+from aerial_il.links.simulated.in_process import SimulatedLink
+from aerial_il.links.simulated.link import Simulated
+from aerial_il.links.watch import Watch
 from aerial_il.policies import get
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.execution import Execution

@@ -1,19 +1,17 @@
-"""A robot of the suite in this process: in lockstep with who flies it, or in real time on a thread of its own."""
+"""Settings of the link to a robot of the suite in this process."""
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
-
-import numpy as np
+from typing import TYPE_CHECKING, Literal
 
 from aerial_il.core.checks import require_choice, require_positive, require_share
-from aerial_il.core.specs import EnvSpec
-from aerial_il.links.link import LinkSettings, Order, Reading
-from aerial_il.links.robot import SimulatedRobot
-from aerial_il.teleop.session.clock import Metronome
+from aerial_il.links.settings import LinkSettings
+
+if TYPE_CHECKING:
+    from aerial_il.links.robot import SimulatedRobot
+    from aerial_il.links.simulated.in_process import SimulatedLink
 
 Clock = Literal["lockstep", "wall"]
 
@@ -38,68 +36,6 @@ class Simulated(LinkSettings):
         require_share(self, "loss", below_one=True)
 
     def connect(self, here: Callable[[], SimulatedRobot]) -> SimulatedLink:
+        from aerial_il.links.simulated.in_process import SimulatedLink
+
         return SimulatedLink(here(), self)
-
-
-class SimulatedLink:
-    """The link itself.
-
-    Args:
-        robot: what is flown; the link's own from now on. settings: see there.
-    """
-
-    def __init__(self, robot: SimulatedRobot, settings: Simulated) -> None:
-        self.robot, self.lockstep, self.speed = robot, settings.clock == "lockstep", settings.speed
-        self._loss, self._rng = settings.loss, np.random.default_rng(0)
-        self._lock, self._ended = threading.RLock(), threading.Event()
-        self._newest = robot.reading()
-        self._error: BaseException | None = None
-        self._thread = None if self.lockstep else threading.Thread(target=self._run, name="robot", daemon=True)
-        if self._thread:
-            self._thread.start()
-
-    @property
-    def spec(self) -> EnvSpec:
-        return self.robot.spec
-
-    def read(self) -> Reading | None:
-        if self._error is not None:
-            raise self._error
-        return self._newest
-
-    def send(self, level: str, action: np.ndarray) -> None:
-        if self._arrives():
-            with self._lock:
-                self.robot.command(level, action)
-
-    def order(self, order: Order, **numbers: float) -> None:
-        with self._lock:
-            self.robot.order(order, **numbers)
-            self._newest = self.robot.reading()
-            if order is Order.RESET:
-                self._rng = np.random.default_rng(int(numbers.get("seed", 0)))
-
-    def step(self) -> None:
-        """Let 20 ms pass; only in lockstep."""
-        self.robot.tick()
-        if self._arrives():
-            self._newest = self.robot.reading()
-
-    def close(self) -> None:
-        self._ended.set()
-        if self._thread:
-            self._thread.join()
-        self.robot.close()
-
-    def _arrives(self) -> bool:
-        return not self._loss or self._rng.random() >= self._loss
-
-    def _run(self) -> None:
-        metronome = Metronome(self.spec.control_dt_s / self.speed)
-        try:
-            while not self._ended.is_set():
-                metronome.wait()
-                with self._lock:
-                    self.step()
-        except BaseException as error:  # whoever reads hears of it
-            self._error = error
