@@ -18,7 +18,7 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnv, Observation, Policy, attach, begin_episodes
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.links.environment import LinkedEnvironment
+from aerial_il.links.loop import RobotLoop, hold_action
 from aerial_il.policies.parts.flying import FlyingPolicy, Question
 
 TRIED = 20  # answers that are timed before a flight
@@ -26,7 +26,7 @@ MARGIN = 1.25  # over the slowest of them
 
 
 class LinkPilot:
-    """Flies a policy in a :class:`LinkedEnvironment`.
+    """Flies a policy in a :class:`~aerial_il.links.environment.LinkedEnvironment`, or in a loop of its own.
 
     Args:
         policy: what flies. think_ticks: ticks from what is seen to the answer being flown; 0: within the tick.
@@ -44,7 +44,7 @@ class LinkPilot:
             raise InvalidValueError("think_ms and blend_ms are for policies that fly chunks; this one does not.")
         self.policy, self._ticks, self._blend = policy, think_ticks, blend_ticks
         self._thinker = ThreadPoolExecutor(1, "policy") if think_ticks else None
-        self._env: LinkedEnvironment | None = None
+        self.loop: RobotLoop | None = None
         self.starved = 0
         self.troubles: dict[int, int] = {}
         self._forget()
@@ -56,7 +56,7 @@ class LinkPilot:
 
     def attach(self, env: BatchEnv) -> None:
         attach(self.policy, env)
-        self._env = env if isinstance(env, LinkedEnvironment) else None
+        self.loop = getattr(env, "loop", None)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         begin_episodes(self.policy, seeds, mask)
@@ -68,7 +68,7 @@ class LinkPilot:
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return the action (1, Da); while something is wrong with the robot, the last one, which is not sent."""
-        if self._env is not None and self._env.trouble:
+        if self.loop is not None and self.loop.trouble:
             self._lost = True
             return self._last_or_nothing()
         if self._lost:
@@ -78,12 +78,12 @@ class LinkPilot:
 
     def made_of(self, world: int) -> Mapping[str, Any]:
         """Return how the flight kept time, for its provenance."""
-        env = self._env
-        if env is None:
+        loop = self.loop
+        if loop is None:
             return {}
-        if env.held:
-            self.troubles[int(env.seeds[0])] = env.held
-        return {"held_ticks": env.held, "starved_ticks": self.starved, "timing": env.timing.summary()}
+        if loop.held:
+            self.troubles[loop.seed] = loop.held
+        return {"held_ticks": loop.held, "starved_ticks": self.starved, "timing": loop.timing.summary()}
 
     def close(self) -> None:
         """Wait for the last thought."""
@@ -131,7 +131,7 @@ class LinkPilot:
         question, thought, due = self._asked
         if self._tick < due:
             return
-        if not (self._env is not None and self._env.link.lockstep) and not thought.done():
+        if not (self.loop is not None and self.loop.link.lockstep) and not thought.done():
             return
         policy.plan(question, thought.result())
         for _ in range(min(self._tick - due, policy.config.chunk - 1)):  # thought for longer than it had
@@ -142,8 +142,8 @@ class LinkPilot:
     def _last_or_nothing(self) -> np.ndarray:
         if self._last is not None:
             return self._last
-        assert self._env is not None
-        return self._env.hold_action()
+        assert self.loop is not None
+        return hold_action(self.loop.spec, self.loop.obs)[None]
 
     def _smoothed(self, wanted: np.ndarray) -> np.ndarray:
         """Return ``wanted`` (1, Da) and what is left of the step to the newest chunk."""

@@ -44,7 +44,7 @@ class TakeOver:
         operator: str,
         opened: Callable[[Server], object],
     ) -> None:
-        if env.link.lockstep:
+        if env.loop.link.lockstep:
             raise InvalidValueError("page=true is for a robot in its own time: add link.clock=wall.")
         self._pilot, self._env, self._bindings = pilot, env, bindings
         texts = {**about(env, bindings, operator, site), "perturbations": []}  # pyright: ignore[reportArgumentType]
@@ -96,7 +96,7 @@ class TakeOver:
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return the action (1, Da) of who flies; the robot hovers while something is wrong with it."""
-        if self._env.trouble:
+        if self._env.loop.trouble:
             self._turn = None
             self._arbiter = None
             return self._pilot.act(obs)
@@ -108,7 +108,7 @@ class TakeOver:
         self._ticks += 1
         self._by_person += turn.flier is Flier.PERSON
         self._page.film.show(self._env.get_state()[0], frame.seq)
-        self._page.server.report(self._status(obs, frame.seq), self._env.pace or Pace(0.0, 1.0, 0, 0))
+        self._page.server.report(self._status(obs, frame.seq), self._env.loop.pace or Pace(0.0, 1.0, 0, 0))
         return turn.action[None]
 
     def made_of(self, world: int) -> Mapping[str, Any]:
@@ -126,7 +126,7 @@ class TakeOver:
         assert self._arbiter is not None
         env, hands, row = self._env, self._arbiter.pilot, first_row(obs)
         command = hands.command or Command()
-        told = env.told
+        told = env.loop.told
         return Status(
             state="recording",
             tick=self._ticks,

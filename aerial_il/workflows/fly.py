@@ -20,7 +20,8 @@ from aerial_il.workflows.parts.names import MaybeRobot, MaybeTask, Tier, at_leas
 if TYPE_CHECKING:
     from aerial_il.collection.collect import Collection
     from aerial_il.core.contracts import Policy
-    from aerial_il.links.environment import LinkedEnvironment, Timing
+    from aerial_il.links.environment import LinkedEnvironment
+    from aerial_il.links.loop import Timing
     from aerial_il.links.pilot import LinkPilot
 
 LinkChoice = Annotated[Any, Choice("link")]
@@ -98,7 +99,8 @@ def fly(settings: Fly) -> Flown:
         LinkError: no robot answers. InvalidValueError: the policy does not suit the robot, or thinks for too long.
     """
     from aerial_il.collection.collect import collect
-    from aerial_il.links.environment import LinkedEnvironment, Timing
+    from aerial_il.links.environment import LinkedEnvironment
+    from aerial_il.links.loop import Timing
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts import pilots
 
@@ -115,7 +117,7 @@ def fly(settings: Fly) -> Flown:
         remember(flown, env.spec)
         if settings.land:
             _land(env)
-    return Flown(flown, sum(env.timings, Timing()), ticks, pilot.troubles)
+    return Flown(flown, sum(env.loop.timings, Timing()), ticks, pilot.troubles)
 
 
 def _robot(settings: Fly, pilot: Any) -> Any:
@@ -144,7 +146,7 @@ def _pilot(settings: Fly, policy: Policy, env: LinkedEnvironment) -> tuple[LinkP
         return LinkPilot(policy, think_ticks=round((settings.think_ms or 0.0) / 1000.0 / dt), blend_ticks=blend), 0
     policy.check(env.spec)
     if settings.think_ms is None:
-        ticks = ticks_to_think(policy.fresh(), env.look(), dt)
+        ticks = ticks_to_think(policy.fresh(), env.loop.look(), dt)
     else:
         ticks = round(settings.think_ms / 1000.0 / dt)
     if settings.execution != AS_TRAINED or ticks:
@@ -185,4 +187,4 @@ def _land(env: LinkedEnvironment) -> None:
     """Land, and wait until the robot stands."""
     from aerial_il.links.vehicle import land
 
-    land(env.link)
+    land(env.loop.link)

@@ -16,6 +16,7 @@ from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import LinkError, Mode, Order, Reading
+from aerial_il.links.loop import hold_action
 from aerial_il.links.pilot import LinkPilot
 from aerial_il.links.robot import SimulatedRobot
 from aerial_il.links.simulated.in_process import SimulatedLink
@@ -47,6 +48,10 @@ def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
 def linked(settings: Simulated | None = None, guard: Guard | None = None, **robot: object) -> LinkedEnvironment:
     link = (settings or Simulated()).connect(lambda: SimulatedRobot(ROBOT, TASK, **robot))  # pyright: ignore[reportArgumentType]
     return LinkedEnvironment(link, guard)
+
+
+def still(env: LinkedEnvironment) -> np.ndarray:
+    return hold_action(env.spec, env.loop.obs)[None]
 
 
 @pytest.mark.parametrize(
@@ -89,7 +94,7 @@ class Mute(SimulatedLink):
 
 @pytest.mark.parametrize("what", ["silent", "spoiled"])
 def test_without_news_it_hovers_and_then_flies_on(what: str) -> None:
-    link = Mute(SimulatedRobot(ROBOT, TASK), Simulated())
+    link = Mute(SimulatedRobot(ROBOT, TASK))
     setattr(link, what, range(60, 90))
     env, policy = LinkedEnvironment(link), fresh_policy("mlp")
     pilot = LinkPilot(policy)
@@ -103,34 +108,34 @@ def test_without_news_it_hovers_and_then_flies_on(what: str) -> None:
         assert all(np.isfinite(value).all() for value in obs.values())
         if link.robot.mode is Mode.HOLDING:
             hovering.append(tick)
-    assert env.held >= 25
-    assert link.sent == 150 - env.held
+    assert env.loop.held >= 25
+    assert link.sent == 150 - env.loop.held
     assert min(hovering) <= 60 + 15, "within 300 ms"
     assert max(hovering) < 100, "and not for longer than it takes"
-    assert not env.trouble
+    assert not env.loop.trouble
 
 
 def test_set_points_and_readings_may_be_lost() -> None:
     env = linked(Simulated(loss=0.05))
     result = evaluate(env, LinkPilot(fresh_policy("mlp")), [0], policy_name="a", progress=False)
     assert result.episodes[0].steps > 50
-    assert max(env.timing.age) >= 1
-    assert env.held == 0
+    assert max(env.loop.timing.age) >= 1
+    assert env.loop.held == 0
 
 
 def test_beyond_the_fence_the_flight_ends() -> None:
     env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0)))
     env.reset(0)
-    result = env.step(env.hold_action())
+    result = env.step(still(env))
     assert result.terminated[0]
-    assert "beyond the fence" in env.trouble
+    assert "beyond the fence" in env.loop.trouble
     assert not result.info["crash"][0]
 
 
 def test_a_clock_that_jumps_is_trouble() -> None:
     env = linked()
     env.reset(0)
-    reading, watch = env.link.read(), Watch(Guard(), env.spec)
+    reading, watch = env.loop.link.read(), Watch(Guard(), env.spec)
     assert reading is not None
     seen = []
     for stamp in (1.0, 1.02, 0.5, 0.52, 30.0, *np.arange(30.02, 30.2, 0.02)):
@@ -143,9 +148,9 @@ def test_a_clock_that_jumps_is_trouble() -> None:
 def test_who_lands_it_ends_the_flight() -> None:
     env = linked()
     env.reset(0)
-    env.link.order(Order.LAND)
-    assert env.step(env.hold_action()).terminated[0]
-    assert "landing" in env.trouble or "standing" in env.trouble
+    env.loop.link.order(Order.LAND)
+    assert env.step(still(env)).terminated[0]
+    assert "landing" in env.loop.trouble or "standing" in env.loop.trouble
 
 
 @pytest.mark.parametrize("chunks", ["plain", "dropped"])
@@ -196,7 +201,7 @@ def test_in_real_time_ticks_are_counted(tmp_path: Path) -> None:
     for _ in range(50):
         obs = env.step(pilot.act(obs)).obs
     env.close()
-    said = env.timing.summary()
+    said = env.loop.timing.summary()
     assert said["ticks"] == 50
     assert said["work_ms_p50"] > 0.0
 
@@ -224,6 +229,6 @@ def test_a_policy_of_another_robot_is_refused(tmp_path: Path, capsys: pytest.Cap
 
 def test_a_robot_that_shows_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     env = linked()
-    monkeypatch.setattr(env.link, "read", lambda: None)
+    monkeypatch.setattr(env.loop.link, "read", lambda: None)
     with pytest.raises(LinkError, match="shows nothing"):
         env.reset(0)

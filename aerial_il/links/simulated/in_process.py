@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import threading
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec
 from aerial_il.links.link import Order, Reading
-from aerial_il.links.robot import SimulatedRobot
-from aerial_il.links.simulated.link import Simulated
 from aerial_il.teleop.session.clock import Metronome
+
+if TYPE_CHECKING:
+    from aerial_il.links.robot import SimulatedRobot
 
 
 class SimulatedLink:
     """The link itself.
 
     Args:
-        robot: what is flown; the link's own from now on. settings: see there.
+        robot: what is flown; the link's own from now on.
+        lockstep: whether its time waits for :meth:`step`. speed: of its time, where it does not.
+        loss: share of set points and of readings that are lost.
     """
 
-    def __init__(self, robot: SimulatedRobot, settings: Simulated) -> None:
-        self.robot, self.lockstep, self.speed = robot, settings.clock == "lockstep", settings.speed
-        self._loss, self._rng = settings.loss, np.random.default_rng(0)
+    def __init__(self, robot: SimulatedRobot, *, lockstep: bool = True, speed: float = 1.0, loss: float = 0.0) -> None:
+        self.robot, self.lockstep, self.speed = robot, lockstep, speed
+        self._loss, self._rng = loss, np.random.default_rng(0)
         self._lock, self._ended = threading.RLock(), threading.Event()
         self._newest = robot.reading()
         self._error: BaseException | None = None

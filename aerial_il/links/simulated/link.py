@@ -10,8 +10,8 @@ from aerial_il.core.checks import require_choice, require_positive, require_shar
 from aerial_il.links.settings import LinkSettings
 
 if TYPE_CHECKING:
+    from aerial_il.links.link import Link
     from aerial_il.links.robot import SimulatedRobot
-    from aerial_il.links.simulated.in_process import SimulatedLink
 
 Clock = Literal["lockstep", "wall"]
 
@@ -35,7 +35,7 @@ class Simulated(LinkSettings):
         require_positive(self, "speed")
         require_share(self, "loss", below_one=True)
 
-    def connect(self, here: Callable[[], SimulatedRobot]) -> SimulatedLink:
+    def connect(self, here: Callable[[], SimulatedRobot]) -> Link:
         from aerial_il.links.simulated.in_process import SimulatedLink
 
-        return SimulatedLink(here(), self)
+        return SimulatedLink(here(), lockstep=self.clock == "lockstep", speed=self.speed, loss=self.loss)
