@@ -21,6 +21,8 @@ MESSAGES = {
     "builtin_interfaces.msg": "Time",
     "rclpy.qos": "QoSProfile DurabilityPolicy",
     "rclpy.executors": "SingleThreadedExecutor ExternalShutdownException",
+    "rclpy.exceptions": "InvalidNamespaceException",
+    "rclpy.validate_namespace": "validate_namespace",
     "rclpy.signals": "SignalHandlerOptions",
     "rclpy.parameter": "Parameter",
     "rclpy.parameter_client": "AsyncParameterClient",
@@ -65,13 +67,13 @@ class Served:
 
     def __init__(self, name: str, namespace: str) -> None:
         rclpy = ros().rclpy
+        try:
+            ros().validate_namespace(namespace)
+        except ros().InvalidNamespaceException as error:
+            raise InvalidValueError(f"link.namespace={namespace} is no namespace, e.g. /aerial: {error}") from error
         self._context = rclpy.Context()
         rclpy.init(args=[], context=self._context, signal_handler_options=ros().SignalHandlerOptions.NO)
-        try:
-            self.node = rclpy.create_node(name, namespace=namespace, context=self._context)
-        except (ValueError, RuntimeError) as error:  # its InvalidNamespaceException is a ValueError
-            self._context.try_shutdown()
-            raise InvalidValueError(f"link.namespace={namespace} is no namespace of ROS 2: {error}") from error
+        self.node = rclpy.create_node(name, namespace=namespace, context=self._context)
         self._executor = ros().SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self.node)
         self._thread = threading.Thread(target=self._serve, name=f"{namespace}/{name}", daemon=True)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -27,6 +28,7 @@ NAMESPACE = "/aerial"
 NUMBERS = {Order.TAKE_OFF: ("height_m", "take_off_height"), Order.RESET: ("seed", "seed")}  # of orders, and parameters
 FLAGS = ("armed", "success", "crash")  # topics of their own
 LARGE = ("state", "ctrl")  # of a simulator, which are not shown
+LISTEN_S = 1.0  # for another robot on the namespace, before it is taken
 SET_DEPTH = 5  # set points that wait: all that arrive between two ticks
 
 
@@ -38,7 +40,7 @@ class RobotNode:
         speed: robot's seconds in a second. clock: whether it publishes ``/clock``, which all robots share.
 
     Raises:
-        InvalidValueError: ROS 2 is not installed, or the namespace or the speed is none.
+        InvalidValueError: ROS 2 is not installed, the namespace or the speed is none, or another robot is there.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class RobotNode:
         self._mode = robot.mode
         self._served = Served("robot", namespace)
         self._node = self._served.node
+        self._require_alone()
         self._publishers: dict[str, Any] = {}
         self._said: dict[str, Any] = {}
         self._clock = self._node.create_publisher(ros().Clock, "/clock", 1) if clock else None
@@ -98,6 +101,16 @@ class RobotNode:
     def close(self) -> None:
         """Leave the middleware; the robot is its owner's to close."""
         self._served.close()
+
+    def _require_alone(self) -> None:
+        """Refuse a namespace on which another robot is heard."""
+        end = time.monotonic() + LISTEN_S
+        while time.monotonic() < end:
+            if self._node.count_publishers("description"):
+                namespace = self._node.get_namespace()
+                self.close()
+                raise InvalidValueError(f"A robot is on {namespace} already. Choose another: link.namespace=/NAME.")
+            time.sleep(0.05)
 
     def _subscribe(self) -> None:
         takers: dict[str, tuple[Any, Callable[[Any], None]]] = {

@@ -127,11 +127,9 @@ class Ros2Link:
         node.create_subscription(ros().String, "description", self._take_description, lasting())
         self._send = node.create_publisher(ros().JointState, "set/action", 1)
         self._orders = {order: node.create_client(ros().Trigger, order.value) for order in Order}
-        self._numbers = ros().AsyncParameterClient(node, f"{self._namespace.rstrip('/')}/robot")
+        self._numbers = ros().AsyncParameterClient(node, f"{self._namespace}/robot")
         self._served.start()
         self._wait(lambda: self._described is not None, self._nobody)
-        if (count := node.count_publishers("description")) > 1:
-            raise LinkError(f"{count} robots are on {self._namespace}. Give each a namespace: link.namespace=/NAME.")
         spec, self._actions = _read_description(str(self._described), self._namespace)
         if level is not None and level not in self._actions:
             raise UnknownNameError("action level", level, self._actions)
@@ -142,6 +140,8 @@ class Ros2Link:
             self._wait(client.service_is_ready, self._robot(f"offered no service {order.value!r}"))
         self._wait(self._numbers.services_are_ready, self._robot("offered no parameters"))
         self._wait(self._send.get_subscription_count, self._robot("did not listen to 'set/action'"))
+        if (count := node.count_publishers("description")) > 1:
+            raise LinkError(f"{count} robots are on {self._namespace}. Give each a namespace: link.namespace=/NAME.")
 
     def _subscribe(self) -> None:
         images = self._spec.observation.of_group("image")
@@ -220,7 +220,7 @@ class Ros2Link:
     def _nobody(self) -> str:
         topics = self._node.get_topic_names_and_types()
         others = sorted(name.removesuffix("/description") for name, _ in topics if name.endswith("/description"))
-        others = [name for name in others if name != self._namespace.rstrip("/")]
+        others = [name for name in others if name != self._namespace]
         seen = f"Namespaces with robots: {', '.join(others)}." if others else "There is none on other namespaces."
         return (
             f"no robot described itself on {self._namespace}. {seen} Start one, with the same ROS_DOMAIN_ID: "
