@@ -53,7 +53,8 @@ class RobotNode:
         self._parts = SetPoints(self._actions)
         self._metronome_s = robot.spec.control_dt_s / speed
         self._pace = Pace(0.0, 1.0, 0, 0)
-        self._refused: dict[str, int] = {}
+        self._refused: dict[str, int] = {}  # how many set points, by their topics
+        self._logged: set[str] = set()
         self._mode = robot.mode
         self._served = Served("robot", namespace)
         self._node = self._served.node
@@ -73,11 +74,6 @@ class RobotNode:
     def pace(self) -> Pace:
         """How well :meth:`run` keeps time."""
         return self._pace
-
-    @property
-    def refused(self) -> int:
-        """Number of set points that were refused."""
-        return sum(self._refused.values())
 
     def run(self, until: Callable[[], bool] = lambda: False) -> None:
         """Tick in real time, times the speed, until ``until`` says so."""
@@ -132,9 +128,10 @@ class RobotNode:
                 take(message)
         except AerialError as error:
             reason = f"set/{name} is refused: {error}"
-            if reason not in self._refused:
+            if reason not in self._logged:
                 self._node.get_logger().warning(reason)
-            self._refused[reason] = self._refused.get(reason, 0) + 1
+            self._logged.add(reason)
+            self._refused[name] = self._refused.get(name, 0) + 1
 
     def _take_action(self, message: Any) -> None:
         labels = tuple(message.name)
@@ -233,7 +230,7 @@ class RobotNode:
             "mode": reading.mode.value,
             "armed": reading.armed,
             "told": told,
-            "refused": self.refused,
+            "refused": self._refused,
         }
 
     def _show_image(self, time_s: float, field: Field, values: np.ndarray) -> None:

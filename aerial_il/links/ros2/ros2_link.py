@@ -174,7 +174,7 @@ class Ros2Link:
                 elif len(self._pending) > PENDING:
                     self._pending.popitem(last=False)
                 self._news.notify_all()
-        except (AerialError, KeyError, ValueError, TypeError) as error:
+        except (AerialError, LookupError, ValueError, TypeError, ArithmeticError, AssertionError) as error:
             self._problem = error if isinstance(error, AerialError) else LinkError(f"{name} is malformed: {error!r}")
 
     def _whole(self, parts: dict[str, Any]) -> Reading:

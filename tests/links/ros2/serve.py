@@ -24,7 +24,7 @@ def main(robot: str, task: str, namespace: str, speed: str, *cameras: str) -> No
     try:
         node.run(ended.is_set)
     finally:
-        print(node.pace, node.refused, flush=True)
+        print(node.pace, flush=True)
         node.close()
         simulated.close()
 
