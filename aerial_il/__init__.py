@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from aerial_il.data.dataset import Dataset
     from aerial_il.evaluation.result import EvaluationResult
     from aerial_il.experts.expert import Expert
+    from aerial_il.links.vehicle import Vehicle
     from aerial_il.suite.batch import BatchEnvironment
     from aerial_il.suite.environment import AerialEnvironment
     from aerial_il.suite.outside.batch import OutsideBatch
@@ -304,6 +305,17 @@ def evaluate(policy: str | os.PathLike[str], *, out: str | os.PathLike[str], **k
     from aerial_il.workflows.evaluate import evaluate as fly
 
     return fly(build(Evaluate, {"policy": policy, "out": out, **keys})).result
+
+
+def vehicle(link: str = "simulated", **settings: Any) -> Vehicle:
+    """Return a robot for a script to fly: arm, take off, go somewhere, move the arm, land; the same over every link.
+
+    Args:
+        link: ``simulated``, ``ros2`` or ``mavlink``. settings: see :func:`aerial_il.links.vehicle.connect`.
+    """
+    from aerial_il.links.vehicle import connect
+
+    return connect(link, **settings)
 
 
 def list_robots() -> tuple[str, ...]:

@@ -67,6 +67,7 @@ KINDS: Mapping[str, Kind] = {
     "gate": Kind("aerial_il.algorithms.interactive.gates", besides=frozenset({"gate"})),
     "launcher": Kind("aerial_il.cli.launchers"),
     "sweeper": Kind("aerial_il.cli.sweepers"),
+    "link": Kind("aerial_il.links", inside="link"),
     "study": Kind(
         "experiments",
         inside="study",

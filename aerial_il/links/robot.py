@@ -25,6 +25,7 @@ from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.episode.simulation import STATE_OFFSET
 from aerial_il.suite.scenario import Scenario
 
+START_S = 10.0  # of its clock, which only ever goes on
 TAKE_OFF_M = 0.3  # above the cradle, where no height is asked for
 HIGHEST_M = 2.0  # that may be asked for
 ARRIVED_M, IN_CRADLE_M, SLOW_M_S = 0.05, 0.03, 0.1
@@ -64,6 +65,7 @@ class SimulatedRobot:
         self._envs = {each: BatchEnvironment(replace(scenario, action=each), 1, 1) for each in own}
         self._first, self._latency = level, latency.steps(scenario.spec.control_dt_s)
         self._quiet = max(1, round(quiet_s / scenario.spec.control_dt_s))
+        self.time_s = START_S
         self.reset(0)
 
     @property
@@ -93,7 +95,7 @@ class SimulatedRobot:
 
     def reset(self, seed: int) -> None:
         """Stand in the cradle at the start of the episode of ``seed``."""
-        self._level, self.mode, self.armed, self.time_s = self._first, Mode.STANDING, False, 0.0
+        self._level, self.mode, self.armed = self._first, Mode.STANDING, False
         env = self.env
         obs = env.reset(int(seed))
         view = env.simulation.view
@@ -169,8 +171,8 @@ class SimulatedRobot:
     def reading(self) -> Reading:
         """Return what it shows now, late by its latency."""
         obs = {name: values[0] for name, values in self._seen[0].items()}
-        late = min(self._latency[0], self.ticks) * self.spec.control_dt_s
-        return Reading(obs, self.time_s - late, self.mode, self.armed, self._told())
+        measured_s = self.time_s - self._latency[0] * self.spec.control_dt_s
+        return Reading(obs, measured_s, self.mode, self.armed, self._told())
 
     def close(self) -> None:
         """Free what it holds."""
@@ -179,11 +181,9 @@ class SimulatedRobot:
 
     def _told(self) -> dict[str, object]:
         info = {} if self._result is None else self._result.info
-        flags = {name: bool(info[name][0]) if name in info else False for name in ("crash", "dropped", "success")}
         return {
-            **flags,
+            **{name: value[0] for name, value in info.items() if name != "executed_action"},
             "success": self.solved,
-            "subtasks": info["subtasks"][0] if info else np.zeros(len(self.spec.subtasks)),
             "reward": 0.0 if self._result is None else float(self._result.reward[0]),
             "state": self.env.get_state()[0],
             "ctrl": self.env.ctrl[0],
@@ -200,6 +200,7 @@ class SimulatedRobot:
         self._setpoint, self._heard, self._held = None, self.ticks, False
         if height_m == 0.0:
             self.mode = Mode.FLYING
+            self._target = hold_action(self.env.scenario, self.env.simulation.view, 0)
             return
         self.mode, self._target = Mode.TAKING_OFF, self._stay()
         self._target[2] += height_m
@@ -229,7 +230,7 @@ class SimulatedRobot:
         if self.mode is Mode.FLYING and (quiet or (self._setpoint is None and self._level != self._first)):
             self._hold()
         if self.mode is Mode.FLYING:  # released, and not yet commanded
-            return self._first, hold_action(self.env.scenario, self.env.simulation.view, 0)
+            return self._first, self._target
         if self.mode is Mode.LANDING:
             self._target = self._towards_cradle()
         return BASE, self._target

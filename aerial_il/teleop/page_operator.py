@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, Self
@@ -12,14 +10,13 @@ from typing import Any, Protocol, Self
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.teleop.flight import CAMERAS, Site, about
-from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.input.mapping import Bindings
 from aerial_il.teleop.session.cockpit import Cockpit
 from aerial_il.teleop.session.helm import by_hand
 from aerial_il.teleop.session.logbook import Logbook
 from aerial_il.teleop.session.loop import Loop
 from aerial_il.teleop.session.session import State
-from aerial_il.teleop.web.film import Film
+from aerial_il.teleop.web.host import PageHost
 from aerial_il.teleop.web.server import Server
 
 LEARNER = "learner"
@@ -62,35 +59,18 @@ class PageOperator:
         operator: str,
         opened: Callable[[Server], object],
     ) -> None:
-        self._env, self._bindings, self._operator, self._opened = env, bindings, operator, opened
-        self._inbox = Inbox(bindings)
+        self._bindings, self._operator = bindings, operator
         texts = about(env, bindings, operator, site)
-        self.server = Server(self._inbox, texts, host=site.host, port=site.port, tls=site.tls)
-        self._film = Film(env.model, CAMERAS, site.size, self.server.deliver)
-        self.server.film, self._film.watched = self._film, False
-        self._events = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._events.run_forever, name="page", daemon=True)
+        place = {"host": site.host, "port": site.port, "tls": site.tls}
+        self._page = PageHost(env.model, bindings, texts, cameras=CAMERAS, size=site.size, opened=opened, **place)
+        self.server = self._page.server
 
     def __enter__(self) -> Self:
-        self._thread.start()
-        try:
-            asyncio.run_coroutine_threadsafe(self.server.start(), self._events).result()
-        except BaseException:
-            self._end_events()
-            raise
-        self._film.start()
-        self._opened(self.server)
+        self._page.__enter__()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._film.close()
-        asyncio.run_coroutine_threadsafe(self.server.close(), self._events).result()
-        self._end_events()
-
-    def _end_events(self) -> None:
-        self._events.call_soon_threadsafe(self._events.stop)
-        self._thread.join()
-        self._events.close()
+        self._page.__exit__()
 
     def notify(self, rounds: Sequence[Costs], message: str) -> None:
         """Show how the rounds so far went, and what happens now."""
@@ -111,12 +91,12 @@ class PageOperator:
             world, str(out), operator=self._operator, first_seed=seeds.start, policy=LEARNER, settings=tags
         )
         cockpit = Cockpit(world, self._bindings, logbook, policy=learner)
-        flight = Loop(cockpit, self._inbox, self._film.show, self.server.report)
+        flight = Loop(cockpit, self._page.inbox, self._page.film.show, self.server.report)
         self.server.flight = flight
         flight.start()
         try:
             while logbook.seed < seeds.stop or cockpit.state is not State.IDLE:
-                if (error := flight.error or self._film.error) is not None:
+                if (error := flight.error or self._page.film.error) is not None:
                     raise error
                 time.sleep(WATCH_S)
         finally:

@@ -136,12 +136,12 @@ def evaluate(settings: Evaluate) -> Evaluated:
 
 def _executing(pilot: Pilot, settings: Evaluate) -> Pilot:
     """Return the pilot whose policy flies its chunks as was asked for."""
-    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.flying import FlyingPolicy
 
     if settings.execution == AS_TRAINED:
         return pilot
-    if not isinstance(pilot.policy, ChunkPolicy):
-        raise InvalidValueError(f"execution is for policies that were trained here; policy={settings.policy} is none.")
+    if not isinstance(pilot.policy, FlyingPolicy):
+        raise InvalidValueError(f"execution is for policies that fly chunks; policy={settings.policy} does not.")
     return replace(pilot, policy=pilot.policy.executing(settings.execution, settings.latency))
 
 

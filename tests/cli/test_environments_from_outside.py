@@ -36,6 +36,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "evaluate": [["policy=policy", "out=out", "episodes=2"], ["policy=run", "out=out", "episodes=2", "threads=1"]],
     "export": [["policy", "out=exported"], ["run", "out=exported"]],
     "filter": [["demos", "where=seed < 2", "out=kept"]],
+    "fly": [["policy=policy", "out=flown"], ["policy=run", "out=flown"]],
     "generate": [["dataset=demos", "out=made", "episodes=1"]],
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
@@ -69,7 +70,16 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "validate": [["demos"], ["demos", "replay=true"]],
     "view": [["policy=policy", "out=seen.html"], ["policy=policy", "out=seen.rrd"], ["recording=demos"]],
 }
-CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
+CLOSED = (
+    "bench",
+    "demo",
+    "docs",
+    "doctor",
+    "film",
+    "list",
+    "new",
+    "simulate",
+)  # open nothing of somebody else
 FLYING = [("evaluate", 0), ("evaluate", 1), ("train", 4), ("train", 5), ("view", 0)]
 
 

@@ -32,6 +32,7 @@ AT_ONCE = {
     "relabel",
     "reward",
     "runs",
+    "simulate",  # of the links that serve, in their own tests
     "split",
     "undo",
     "validate",
@@ -46,6 +47,7 @@ LONG = {  # command -> what is typed, and the sign on stderr or stdout that it i
     "docs": (["out=null", "site=OUT/site"], "reading sources"),
     "evaluate": (["policy=run", "episodes=5000", "num_envs=8", "out=OUT/e"], "evaluate"),
     "film": (["out=OUT/f.webp"], "%"),
+    "fly": (["policy=hover", "robot=quad", "task=hover", "link.clock=wall", "episodes=500", "out=OUT/f"], "collect:"),
     "generate": (["dataset=demos", "episodes=5000", "num_envs=8", "out=OUT/made"], "collect:"),
     "inspect": (["demos", "save=OUT/a.rrd"], ""),
     "prefer": (["demos", "by=hand", "length=20", "out=OUT/p.jsonl", "port=0", "open=false"], "http"),

@@ -9,7 +9,16 @@ from aerial_il.core import schema
 from tests.safety.conftest import CLONE, ENV, QUIET
 from tests.safety.hostile import Sound
 
-CLOSED = ("bench", "demo", "docs", "doctor", "film", "list", "new")  # take no policy, dataset or run of somebody else's
+CLOSED = (
+    "bench",
+    "demo",
+    "docs",
+    "doctor",
+    "film",
+    "list",
+    "new",
+    "simulate",
+)  # open nothing of somebody else
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
     "action", "cameras", "certificate", "columns", "cuts", "format", "controls", "devices", "env", "evaluate_tier",
     "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
@@ -56,6 +65,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("export", "evaluation"): [f"policy={sound.run}", "out=exported"],
         ("filter", "dataset"): ["where=steps >= 0", "out=kept", QUIET],
         ("filter", "out"): [dataset, "where=steps >= 0", QUIET],
+        ("fly", "policy"): ["out=flown", "episodes=1", QUIET],
+        ("fly", "out"): ["policy=hover", "robot=quad", "task=hover", "episodes=1", QUIET],
         ("generate", "dataset"): ["out=made", *FLOWN],
         ("generate", "out"): [dataset, *FLOWN],
         ("info", "path"): [],

@@ -41,6 +41,7 @@ FOLDERS: dict[str, Words] = {
     "convert to Minari": lambda s, out: ["convert", f"path={s.dataset}", "format=minari", f"out={out}", QUIET],
     "convert for ROS": lambda s, out: ["convert", f"path={s.dataset}", "format=mcap", f"out={out}", QUIET],
     "collect": lambda s, out: ["collect", ENV, "policy=random", f"out={out}", *FLOWN],
+    "fly": lambda s, out: ["fly", "policy=hover", "robot=quad", "task=hover", f"out={out}", "episodes=1", QUIET],
     "generate": lambda s, out: ["generate", f"dataset={s.dataset}", f"out={out}", "episodes=1", QUIET],
     "merge": lambda s, out: ["merge", str(s.dataset), str(s.dataset), f"out={out}", QUIET],
     "split": lambda s, out: ["split", f"dataset={s.dataset}", f"out={out}", QUIET],

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import torch
@@ -16,13 +16,12 @@ from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
+from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts import constant, embodiment
 from aerial_il.policies.parts.building import built_for
-from aerial_il.policies.parts.chunking import ActionPlan
-from aerial_il.policies.parts.execution import AS_TRAINED, Execution
+from aerial_il.policies.parts.execution import Execution
 from aerial_il.policies.parts.flying import FlyingPolicy
 from aerial_il.policies.parts.guiding import Guide, joining
 from aerial_il.policies.parts.layout import Interface, Layout
@@ -56,14 +55,14 @@ class ChunkPolicy(FlyingPolicy):
     ) -> None:
         super().__init__(config, interface, noise_size=network.noise_size, redraws=network.redraws, origin=origin)
         self.network = network.eval()
-        self.execution, self._guide = AS_TRAINED, None
         self._followers: tuple[embodiment.Follower, embodiment.Follower] | None = None
 
-    def answer(self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None) -> np.ndarray:
+    def answer(
+        self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None, guide: Any = None
+    ) -> np.ndarray:
         encoded = tensor(state).to(self._device)
         pictures = {name: tensor(image).to(self._device) for name, image in images.items()}
         drawn = () if noise is None else (tensor(noise).to(self._device),)
-        guide, self._guide = self._guide, None
         led = {"guide": guide} if guide else {}
         with torch.no_grad() if led else torch.inference_mode():
             return self.network(shown(encoded, pictures), *drawn, **led).cpu().numpy()
@@ -74,30 +73,14 @@ class ChunkPolicy(FlyingPolicy):
         again._plan = self._plan.empty()
         return again
 
-    def executing(self, execution: Execution, latency: Latency = NO_LATENCY) -> ChunkPolicy:
-        """Return the same policy, network shared, whose chunks are flown as ``execution`` says.
-
-        Args:
-            execution: see there. latency: of the robot.
-
-        Raises:
-            InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, or the
-                network does not denoise, where it is to be led.
-        """
+    def executing(self, execution: Execution, latency: Latency = NO_LATENCY, *, thinking: int = 0) -> Self:
         if type(self) is not ChunkPolicy:
             raise InvalidValueError("execution: a policy around another one flies its chunks as it was trained.")
-        config, again = self.config, self.fresh()
-        delay_ms = latency.total_ms if execution.delay_ms is None else execution.delay_ms
-        steps = whole_steps("execution.delay_ms", delay_ms, self.spec.control_dt_s)
-        realtime, led = execution.chunks == "realtime", execution.guidance > 0
-        if (realtime or led) and not self.network.guided:
-            asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
-            raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
-        execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
-        delay = 0 if execution.chunks == "plain" else steps
-        again._plan = ActionPlan(config.chunk, max(1, execute), ensemble, delay=delay)
-        again.execution = execution
-        return again
+        return super().executing(execution, latency, thinking=thinking)
+
+    @property
+    def can_be_led(self) -> bool:
+        return self.network.guided
 
     def attach(self, env: BatchEnv) -> None:
         super().attach(env)
@@ -135,7 +118,7 @@ class ChunkPolicy(FlyingPolicy):
         interface = Interface(layout, obs, action, config.obs_clip, Switches.from_arrays(saved.arrays))
         return ChunkPolicy(config, interface, network, saved.state.get("origin"))
 
-    def _prepare(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> None:
+    def _guide(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> Guide | None:
         guide = None
         if self.execution.chunks == "realtime" and (committed := self._plan.committed(due)) is not None:
             guide = joining(self.interface, history, *committed, self._plan.delay)
@@ -143,7 +126,7 @@ class ChunkPolicy(FlyingPolicy):
             velocity, guidance = obs[embodiment.VELOCITY][due], self.execution.guidance
             steer = embodiment.steering(self._followers, self.interface, history, velocity, guidance)
             guide = replace(guide or Guide(), steer=steer)
-        self._guide = guide
+        return guide
 
     @property
     def _device(self) -> torch.device:

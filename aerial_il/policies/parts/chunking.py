@@ -61,10 +61,14 @@ class ActionPlan:
         chunk: actions Ta in a chunk.
         execute: steps between two chunks, in [1, chunk].
         coefficient: decay of the weights; None for the newest chunk alone.
-        delay: actions at the front of every chunk that come too late to be flown; as many that were sent are kept.
+        delay: actions at the front of every chunk that come too late to be flown.
+        thinking: how many of these are flown, as planned before, while the chunk is thought of; the others were sent
+            before it was asked for, and as many are kept.
     """
 
-    def __init__(self, chunk: int, execute: int = 1, coefficient: float | None = 0.01, *, delay: int = 0) -> None:
+    def __init__(
+        self, chunk: int, execute: int = 1, coefficient: float | None = 0.01, *, delay: int = 0, thinking: int = 0
+    ) -> None:
         if not 1 <= execute <= chunk:
             raise InvalidValueError(f"execute is {execute}; it must lie in [1, {chunk}], the length of a chunk.")
         if not 0 <= delay <= chunk - execute:
@@ -72,8 +76,9 @@ class ActionPlan:
                 f"A delay of {delay} steps must lie in [0, {chunk - execute}]: of {chunk} actions in a chunk {execute} "
                 "are flown. Train with a longer policy.chunk, or a shorter policy.execute."
             )
-        chunk, self.delay = chunk - delay, delay
-        self._sent, self._known = np.zeros((0, delay, 0), np.float32), np.zeros((0, delay), bool)
+        chunk, self.delay, self.thinking = chunk - delay, delay, thinking
+        self._before = max(0, delay - thinking)  # actions that are kept
+        self._sent, self._known = np.zeros((0, self._before, 0), np.float32), np.zeros((0, self._before), bool)
         self.chunk, self.execute, self.coefficient = chunk, execute, coefficient
         self._weight = np.exp(-(coefficient or 0.0) * np.arange(chunk + 1)).astype(np.float32)
         self._total = np.concatenate([[0.0], np.cumsum(self._weight)]).astype(np.float32)
@@ -92,8 +97,8 @@ class ActionPlan:
         if not len(self._mean):
             self._mean = np.zeros((len(mask), self.chunk, chunks.shape[2]), np.float32)
             self._count, self._age = np.zeros((len(mask), self.chunk), np.int64), np.zeros(len(mask), np.int64)
-            self._sent = np.zeros((len(mask), self.delay, chunks.shape[2]), np.float32)
-            self._known = np.zeros((len(mask), self.delay), bool)
+            self._sent = np.zeros((len(mask), self._before, chunks.shape[2]), np.float32)
+            self._known = np.zeros((len(mask), self._before), bool)
         rows, chunks = slice(None) if mask.all() else mask, chunks[:, self.delay :]
         if self.coefficient is None:
             self._mean[rows] = chunks
@@ -105,6 +110,11 @@ class ActionPlan:
             self._count[rows] = count + 1
         self._age[rows] = 0
 
+    @property
+    def ready(self) -> bool:
+        """Whether every world has a next action."""
+        return bool(len(self._mean)) and bool((self._count[:, 0] > 0).all())
+
     def pop(self) -> np.ndarray:
         """Take the next action (n, Da) of every world out of its plan."""
         action = self._mean[:, 0].copy()
@@ -112,17 +122,18 @@ class ActionPlan:
         self._count[:, :-1] = self._count[:, 1:]
         self._mean[:, -1] = self._count[:, -1] = 0
         self._age += 1
-        if self.delay:
+        if self._before:
             self._sent = np.concatenate([self._sent, action[:, None]], 1)[:, 1:]
             self._known = np.pad(self._known, ((0, 0), (0, 1)), constant_values=True)[:, 1:]
         return action
 
     def empty(self) -> ActionPlan:
         """Return another one that is alike, with nothing planned."""
-        return ActionPlan(self.chunk + self.delay, self.execute, self.coefficient, delay=self.delay)
+        chunk, delay, thinking = self.chunk + self.delay, self.delay, self.thinking
+        return ActionPlan(chunk, self.execute, self.coefficient, delay=delay, thinking=thinking)
 
     def committed(self, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Return, for the worlds in ``mask`` (n,), the actions from ``delay`` steps ago on that were sent or planned.
+        """Return, for the worlds in ``mask`` (n,), the actions that were sent since what is seen now, or are planned.
 
         Returns:
             (m, Ta, Da), and where there are any, (m, Ta) bool; a world that has sent too few has none. None before the
@@ -131,7 +142,8 @@ class ActionPlan:
         if not len(self._mean):
             return None
         actions, known = np.concatenate([self._sent, self._mean], 1), np.concatenate([self._known, self._count > 0], 1)
-        return actions[mask], (known & self._known.all(1, keepdims=True))[mask]
+        known, short = known & self._known.all(1, keepdims=True), self.delay - self._before
+        return np.pad(actions, ((0, 0), (0, short), (0, 0)))[mask], np.pad(known, ((0, 0), (0, short)))[mask]
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the plans of the worlds in ``mask`` (n,), or all of them and their number."""
@@ -143,11 +155,11 @@ class ActionPlan:
 
     def memory(self) -> dict[str, np.ndarray]:
         """Return copies of all that is planned, and of what was sent where that is kept."""
-        sent = {"sent": self._sent.copy(), "known": self._known.copy()} if self.delay else {}
+        sent = {"sent": self._sent.copy(), "known": self._known.copy()} if self._before else {}
         return {"mean": self._mean.copy(), "count": self._count.copy(), "age": self._age.copy(), **sent}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         """Plan what :meth:`memory` returned."""
         self._mean, self._count, self._age = (memory[name].copy() for name in ("mean", "count", "age"))
-        if self.delay:
+        if self._before:
             self._sent, self._known = memory["sent"].copy(), memory["known"].copy()

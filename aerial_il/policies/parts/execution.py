@@ -16,6 +16,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from aerial_il.core.checks import require_choice, require_not_negative
+from aerial_il.core.errors import InvalidValueError
 
 Chunks = Literal["plain", "dropped", "realtime"]
 
@@ -37,6 +38,10 @@ class Execution:
     def __post_init__(self) -> None:
         require_choice(self, "chunks", Chunks)
         require_not_negative(self, "guidance", *(["delay_ms"] if self.delay_ms is not None else []))
+        if self.delay_ms is not None and self.chunks == "plain":
+            raise InvalidValueError(
+                "execution.delay_ms has no effect with execution.chunks=plain. Valid with it: dropped, realtime."
+            )
 
     @property
     def said(self) -> dict[str, Any]:

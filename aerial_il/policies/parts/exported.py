@@ -84,7 +84,9 @@ class OnnxPolicy(FlyingPolicy):
         self.sha256 = sha256
         self._session, self._inputs = session, tuple(each.name for each in session.get_inputs())
 
-    def answer(self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None) -> np.ndarray:
+    def answer(
+        self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None, guide: Any = None
+    ) -> np.ndarray:
         if noise is None and self._noise.size:
             noise = np.zeros((len(state), self._noise.size), np.float32)
         given = {STATE: state, NOISE: noise, **{IMAGE + name: image for name, image in images.items()}}
@@ -96,7 +98,7 @@ class OnnxPolicy(FlyingPolicy):
             noise_size=self._noise.size, redraws=self._noise.redraw, origin=self.origin,
             sha256=self.sha256,
         )  # fmt: skip
-        again._shown_for = self._shown_for
+        again._shown_for, again.execution, again._plan = self._shown_for, self.execution, self._plan.empty()
         return again
 
 

@@ -8,15 +8,17 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
 
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
 from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.execution import AS_TRAINED, Execution
 from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
 from aerial_il.policies.parts.layout import Interface, check_cameras
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
@@ -47,6 +49,23 @@ OF_THE_TOOL = ("ee_pos", "ee_rot6d", "gripper", "wrist_force")  # what robots te
 ANY_ROBOT = " A policy that sees the tool alone flies other robots too: train one with policy=diffusion_umi."
 
 
+@dataclass(frozen=True, eq=False)
+class Question:
+    """What the m worlds whose next chunk is due show a network.
+
+    Attributes:
+        history: (m, To, Do) frames, a view of the memory. due: (n,) bool, which worlds these are.
+        images: by name, each (m, To, H, W, 3) uint8. noise: (m, S), see :meth:`FlyingPolicy.predict`.
+        guide: what leads the answer, see :mod:`.guiding`; None for nothing.
+    """
+
+    history: np.ndarray
+    due: np.ndarray
+    images: Mapping[str, np.ndarray]
+    noise: np.ndarray | None
+    guide: Any = None
+
+
 class FlyingPolicy(ABC):
     """Flies chunks of actions, which :meth:`answer` gives, in n worlds at once.
 
@@ -72,16 +91,19 @@ class FlyingPolicy(ABC):
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(noise_size, redraw=redraws)
         self._worlds: int | None = None
-        self.task = self.spec.task
+        self.task, self.execution = self.spec.task, AS_TRAINED
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
-    def answer(self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None) -> np.ndarray:
+    def answer(
+        self, state: np.ndarray, images: Mapping[str, np.ndarray], noise: np.ndarray | None, guide: Any = None
+    ) -> np.ndarray:
         """Return normalised chunks (B, Ta, Da) float32.
 
         Args:
             state: (B, To, Do) float32, normalised. images: by name, each (B, To, H, W, 3) uint8.
             noise: (B, S) float32; None for a network without chance, or for its most ordinary answer.
+            guide: what leads the answer, of a network that can be led; None for nothing.
         """
 
     @abstractmethod
@@ -104,23 +126,85 @@ class FlyingPolicy(ABC):
             InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
+        question = self.look(obs)
+        if question is not None:
+            self.plan(question, self.think(question))
+        return self.next()
+
+    def look(self, obs: Observation) -> Question | None:
+        """Remember what n worlds show, as :meth:`act` does first; return what those ask whose next chunk is due."""
         obs = self._with_task({**obs, **{own: obs[name] for own, name in self._shown_for.items()}})
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
         seen = {name: sight.push(images[name]) for name, sight in self._sights.items()}
         due = self._plan.due(len(frame))
-        if due.any():
-            rows, worlds = slice(None) if due.all() else due, np.flatnonzero(due)
-            first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
-            noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
-            self._prepare(history[rows], obs, due)
-            self._plan.add(self.predict(history[rows], worlds, images=pictures, noise=noise), due)
-        planned = self.interface.switches.snap(self._plan.pop())
-        return self.spec.action.clip(planned.astype(np.float64))
+        if not due.any():
+            return None
+        rows = slice(None) if due.all() else due
+        first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
+        noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
+        return Question(history[rows], due, pictures, noise, self._guide(history[rows], obs, due))
 
-    def _prepare(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> None:  # noqa: B027
-        """Get ready to predict for the m worlds in ``due`` (n,), which see ``history`` (m, To, Do)."""
+    def think(self, question: Question) -> np.ndarray:
+        """Return chunks (m, Ta, Da) that answer a question; touches no memory, so another thread may think."""
+        worlds = np.flatnonzero(question.due)
+        return self.predict(
+            question.history, worlds, images=question.images, noise=question.noise, guide=question.guide
+        )
+
+    def plan(self, question: Question, chunks: np.ndarray) -> None:
+        """Fly chunks (m, Ta, Da) from the next action on."""
+        self._plan.add(chunks, question.due)
+
+    @property
+    def planned(self) -> bool:
+        """Whether there is a next action in every world."""
+        return self._plan.ready
+
+    def next(self) -> np.ndarray:
+        """Return the next actions (n, Da) of what is planned, within their bounds."""
+        actions = self.interface.switches.snap(self._plan.pop())
+        return self.spec.action.clip(actions.astype(np.float64))
+
+    def _guide(self, history: np.ndarray, obs: Observation, due: np.ndarray) -> Any:
+        """Return what leads the chunks of the m worlds in ``due`` (n,), which see ``history`` (m, To, Do)."""
+        return None
+
+    def executing(self, execution: Execution, latency: Latency = NO_LATENCY, *, thinking: int = 0) -> Self:
+        """Return the same policy, network shared, whose chunks are flown as ``execution`` says.
+
+        Args:
+            execution: see there. latency: of the robot.
+            thinking: control steps from :meth:`look` to :meth:`plan`, in which it goes on as it had planned.
+
+        Raises:
+            InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, or the
+                network does not denoise, where it is to be led.
+        """
+        config, again = self.config, self.fresh()
+        delay_ms = latency.total_ms if execution.delay_ms is None else execution.delay_ms
+        steps = whole_steps("execution.delay_ms", delay_ms, self.spec.control_dt_s)
+        realtime, led = execution.chunks == "realtime", execution.guidance > 0
+        if (realtime or led) and not self.can_be_led:
+            asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
+            raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
+        execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
+        delay = 0 if execution.chunks == "plain" else steps + thinking
+        spare = config.chunk - delay - max(1, execute)
+        if thinking > spare:
+            raise InvalidValueError(
+                f"Of a chunk of {config.chunk} actions, {max(0, spare)} are left to fly while {config.name} thinks for "
+                f"{thinking} steps. Train with a longer policy.chunk, or a shorter policy.execute."
+            )
+        again._plan = ActionPlan(config.chunk, max(1, execute), ensemble, delay=delay, thinking=min(thinking, delay))
+        again.execution = execution
+        return again
+
+    @property
+    def can_be_led(self) -> bool:
+        """Whether something may lead its answers while they are denoised."""
+        return False
 
     def predict(
         self,
@@ -129,6 +213,7 @@ class FlyingPolicy(ABC):
         *,
         images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
+        guide: Any = None,
     ) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units.
 
@@ -136,9 +221,10 @@ class FlyingPolicy(ABC):
             history: frames (B, To, Do). worlds: (B,) whose they are, for errors.
             images: of the layout's cameras by name, each (B, To, H, W, 3) uint8.
             noise: (B, S) what a network with chance draws from; None for its most ordinary answer.
+            guide: see :meth:`answer`.
         """
         drawn = noise if self._noise.size else None
-        outputs = self.answer(self.interface.encode_obs(history), images or {}, drawn)
+        outputs = self.answer(self.interface.encode_obs(history), images or {}, drawn, guide)
         if not np.isfinite(outputs).all():
             bad = np.flatnonzero(~np.isfinite(outputs).all(axis=(1, 2)))
             raise NonFiniteActionError("network output", bad if worlds is None else worlds[bad])

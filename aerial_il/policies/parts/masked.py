@@ -11,6 +11,7 @@ all masks, flown with one of them for an episode, judged by the reward.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import torch
@@ -60,10 +61,11 @@ class MaskedPolicy(ChunkPolicy):
         *,
         images: Mapping[str, np.ndarray] | None = None,
         noise: np.ndarray | None = None,
+        guide: Any = None,
     ) -> np.ndarray:
         rows = self._shown if worlds is None else self._shown[worlds]
         self._hiding.shown = torch.from_numpy(rows[:, None])
-        return super().predict(history, worlds, images=images, noise=noise)
+        return super().predict(history, worlds, images=images, noise=noise, guide=guide)
 
     def _drawn(self, rng: np.random.Generator) -> np.ndarray:
         layout = self.interface.layout

@@ -38,8 +38,8 @@ class Metronome:
         self._starts: deque[float] = deque(maxlen=WINDOW)
         self._ticks = self._late = 0
 
-    def wait(self) -> None:
-        """Return at the next deadline, at once if it is over."""
+    def wait(self) -> float:
+        """Return at the next deadline, at once if it is over; say how late that was, s."""
         if (left := self._due - time.perf_counter()) > 0.0:
             time.sleep(left)
         started = time.perf_counter()
@@ -48,6 +48,7 @@ class Metronome:
         self._late += behind > LATE_S
         self._starts.append(started)
         self._due = started + self._period if behind > HOPELESS_S else self._due + self._period
+        return max(0.0, behind)
 
     @property
     def pace(self) -> Pace:

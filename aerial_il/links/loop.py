@@ -1,0 +1,171 @@
+"""One robot over a link, tick by tick: send what is commanded unless the guard objects, wait for the tick, read.
+
+Ticks have absolute deadlines; late ones are counted, and none is left out. Needs nothing but NumPy.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core.specs import EnvSpec
+from aerial_il.links.guard import Guard
+from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
+from aerial_il.links.watch import Watch
+from aerial_il.teleop.session.clock import LATE_S, Metronome, Pace
+
+PATIENCE_S = 10.0  # for a robot that was told to begin
+POLL_S = 0.002
+
+
+@dataclass
+class Timing:
+    """How the ticks of a flight kept time, one number for each.
+
+    Attributes:
+        late_s: how long after its deadline a tick began. work_s: from there to its set point being sent.
+        age: ticks since the newest reading came.
+    """
+
+    late_s: list[float] = field(default_factory=list)
+    work_s: list[float] = field(default_factory=list)
+    age: list[int] = field(default_factory=list)
+
+    def __add__(self, other: Timing) -> Timing:
+        return Timing(self.late_s + other.late_s, self.work_s + other.work_s, self.age + other.age)
+
+    def summary(self) -> dict[str, float]:
+        """Return what there is to say of them: counts, and milliseconds."""
+        late, work = (1000.0 * np.array(each or [0.0]) for each in (self.late_s, self.work_s))
+        return {
+            "ticks": len(self.work_s),
+            "late": int((late > 1000.0 * LATE_S).sum()),
+            "work_ms_p50": round(float(np.percentile(work, 50)), 3),
+            "work_ms_p99": round(float(np.percentile(work, 99)), 3),
+            "late_ms_p99": round(float(np.percentile(late, 99)), 3),
+            "oldest_reading_ticks": max(self.age, default=0),
+        }
+
+
+class RobotLoop:
+    """Flies one robot.
+
+    Args:
+        link: to the robot. guard: what must hold for set points to be sent.
+
+    Attributes:
+        obs: what the robot showed last, name -> (*shape,). reading: that reading.
+        steps, held: ticks of the flight, and those in which the guard objected. timing: of its ticks.
+        timings: of all flights.
+    """
+
+    def __init__(self, link: Link, guard: Guard | None = None) -> None:
+        self.link, self.spec = link, link.spec
+        self.watch = Watch(guard or Guard(), self.spec)
+        self.obs: dict[str, np.ndarray] = {}
+        self.reading: Reading | None = None
+        self.steps = self.held = self.seed = 0
+        self.timing, self._woke = Timing(), time.perf_counter()
+        self.timings: list[Timing] = []
+        self._metronome: Metronome | None = None
+
+    @property
+    def trouble(self) -> str:
+        """Why the policy is not to fly now; empty if it may."""
+        return self.watch.trouble
+
+    @property
+    def told(self) -> Mapping[str, Any]:
+        """What a simulator told besides with the last reading."""
+        return {} if self.reading is None else self.reading.told
+
+    @property
+    def pace(self) -> Pace | None:
+        """How the loop keeps time; None in lockstep."""
+        return None if self._metronome is None else self._metronome.pace
+
+    def begin(self, seed: int) -> None:
+        """Let the robot stand at the start of an episode, arm it, and release it there.
+
+        Raises:
+            LinkError: it does not begin. RefusedError: it refuses, and says why.
+        """
+        self.seed = seed
+        self.link.order(Order.RESET, seed=seed)
+        self.link.order(Order.ARM)
+        self.link.order(Order.TAKE_OFF, height_m=0.0)
+        self.join()
+
+    def join(self) -> None:
+        """Begin to fly a robot that is in the air.
+
+        Raises:
+            LinkError: it is not.
+        """
+        self._take(self._awaited(Mode.FLYING, Mode.HOLDING))
+        self.steps, self.held, self.timing = 0, 0, Timing()
+        self.timings.append(self.timing)
+        self.watch.begin()
+        self.watch.see(self.reading)
+        speed = getattr(self.link, "speed", 1.0)
+        self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / speed)
+        self._woke = time.perf_counter()
+
+    def tick(self, action: np.ndarray) -> None:
+        """Send a set point (Da,) at the level of the specification unless the guard objects; wait; read."""
+        if self.trouble:
+            self.held += 1
+        else:
+            self.link.send(self.spec.action.level, self.spec.action.clip(action))
+        worked = time.perf_counter() - self._woke
+        late = 0.0
+        if self._metronome is None:
+            self.link.step()
+        else:
+            late = self._metronome.wait()
+        self._woke = time.perf_counter()
+        self.steps += 1
+        reading = self.link.read()
+        self.watch.see(reading)
+        if reading is not None and (not self.trouble or reading.mode is Mode.CRASHED):
+            self._take(reading)
+        self.timing.late_s.append(late)
+        self.timing.work_s.append(worked)
+        self.timing.age.append(self.watch.age)
+
+    def look(self) -> dict[str, np.ndarray]:
+        """Wait for what the robot shows before a flight, and return it: name -> (1, ...).
+
+        Raises:
+            LinkError: it shows nothing.
+        """
+        return {name: value[None] for name, value in self._awaited(*Mode).obs.items()}
+
+    def _awaited(self, *modes: Mode) -> Reading:
+        """Wait for a reading in one of these modes."""
+        until = time.perf_counter() + PATIENCE_S
+        while (reading := self.link.read()) is None or reading.mode not in modes:
+            if self.link.lockstep or time.perf_counter() > until:
+                mode = "shows nothing" if reading is None else f"is {reading.mode}"
+                raise LinkError(f"The robot {mode}, {PATIENCE_S:g} s after it was asked.")
+            time.sleep(POLL_S)
+        return reading
+
+    def _take(self, reading: Reading) -> None:
+        self.reading, self.obs = reading, dict(reading.obs)
+
+
+def hold_action(spec: EnvSpec, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return the action (Da,) that keeps a robot where it shows itself, name -> (*shape,), with the gripper open."""
+    grip = [1.0] * (spec.action.labels[-1] == "gripper")
+    if spec.action.level == "ee_pose":
+        return spec.action.clip(np.array([*obs["ee_pos"], *obs["ee_rot6d"], *grip]))
+    if spec.action.level == "velocity":
+        return np.array([*np.zeros(spec.action.size - len(grip)), *grip])
+    base = obs.get("base_rot6d")
+    place = [] if base is None else [*obs["base_pos"], np.arctan2(base[1], base[0])]
+    return spec.action.clip(np.array([*place, *obs.get("joint_pos", ()), *grip]))

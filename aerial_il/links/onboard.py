@@ -1,0 +1,120 @@
+"""An exported policy on the robot's computer: NumPy, onnxruntime and what the link needs; no torch and no MuJoCo.
+
+``python -m aerial_il.links.onboard policy=FOLDER link=NAME seconds=30 out=flight.npz link.KEY=VALUE ...``
+
+The robot is in the air already, or is simulated: then ``seed=0`` lets it begin the episode of that seed. What is flown
+is written as transitions, which ``aerial_il.open_dataset`` reads; images are left out.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from aerial_il.core import registry
+from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.links.guard import Guard
+from aerial_il.links.link import Link
+from aerial_il.links.loop import RobotLoop
+from aerial_il.links.pilot import LinkPilot, ticks_to_think
+from aerial_il.policies.parts.exported import load_exported
+from aerial_il.policies.parts.flying import FlyingPolicy
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What was flown.
+
+    Attributes:
+        obs: name -> (T + 1, ...). actions: (T, Da). loop: how it kept time. why: it ended; empty for its time.
+    """
+
+    obs: dict[str, np.ndarray]
+    actions: np.ndarray
+    loop: RobotLoop
+    why: str
+
+    def save(self, path: Path) -> None:
+        """Write transitions, one for each tick, with the names of what the observations hold."""
+        spec = self.loop.spec.observation
+        seen = spec.flatten(self.obs, spec.state_names)
+        labels = [label for name in spec.state_names for label in spec[name].element_labels()]
+        ends = np.arange(len(self.actions)) == len(self.actions) - 1
+        times = self.loop.spec.control_dt_s * np.arange(len(self.actions))
+        np.savez_compressed(
+            path, observations=seen[:-1], next_observations=seen[1:], actions=self.actions, truncations=ends,
+            timestamps=times, labels=np.array(labels),
+        )  # fmt: skip
+
+
+def fly(
+    policy: FlyingPolicy, link: Link, *, seconds: float, seed: int | None = None, guard: Guard | None = None
+) -> Flight:
+    """Fly a robot by a policy for some seconds of its time, or until it succeeds, crashes, lands or leaves the fence.
+
+    Args:
+        policy: what flies. link: to the robot, which is in the air unless there is a ``seed``.
+        seed: of the episode that a simulated robot begins. guard: what must hold.
+
+    Raises:
+        InvalidValueError: the policy does not suit the robot. LinkError: the robot is not in the air.
+    """
+    policy.check(link.spec)
+    loop, dt = RobotLoop(link, guard), link.spec.control_dt_s
+    ticks = ticks_to_think(policy.fresh(), loop.look(), dt)
+    pilot = LinkPilot(policy.executing(policy.execution, thinking=ticks) if ticks else policy, think_ticks=ticks)
+    pilot.loop = loop
+    loop.join() if seed is None else loop.begin(seed)
+    pilot.reset()
+    seen, flown, why = [dict(loop.obs)], [], ""
+    while not why and len(flown) < round(seconds / dt):
+        action = pilot.act({name: value[None] for name, value in loop.obs.items()})[0]
+        loop.tick(action)
+        flown.append(action)
+        seen.append(dict(loop.obs))
+        ends = ("success", "crash", "dropped")
+        why = loop.trouble if loop.watch.over else next((each for each in ends if loop.told.get(each)), "")
+    pilot.close()
+    return Flight({name: np.array([each[name] for each in seen]) for name in seen[0]}, np.array(flown), loop, why)
+
+
+def main(words: Sequence[str], here: Callable[[], Any] | None = None) -> int:
+    """Fly as the words of a command line say, print what came of it, and return the exit status."""
+    said = dict(word.split("=", 1) for word in words if "=" in word)
+    try:
+        if missing := [name for name in ("policy", "link") if name not in said]:
+            raise InvalidValueError(f"{missing[0]}=... is missing. {(__doc__ or '').splitlines()[2]}")
+        own = {name.removeprefix("link."): _value(value) for name, value in said.items() if name.startswith("link.")}
+        link = registry.get("link", said["link"])(**own).connect(here or _elsewhere)
+        seed = int(said["seed"]) if "seed" in said else None
+        flight = fly(load_exported(Path(said["policy"])), link, seconds=float(said.get("seconds", 30)), seed=seed)
+        link.close()
+    except (AerialError, ValueError, TypeError) as error:
+        print(error, file=sys.stderr)
+        return 2
+    if "out" in said:
+        flight.save(Path(said["out"]))
+    print(f"{len(flight.actions)} ticks{': ' + flight.why if flight.why else ''}. {flight.loop.timing.summary()}")
+    return 0
+
+
+def _elsewhere() -> Any:
+    raise InvalidValueError("link=simulated flies no robot: simulations need MuJoCo; try aerial-il fly.")
+
+
+def _value(text: str) -> Any:
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            pass
+    return {"true": True, "false": False, "null": None}.get(text, text)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""The link to a robot that is simulated in this process."""

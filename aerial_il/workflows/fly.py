@@ -1,0 +1,190 @@
+"""Fly a robot over a link by a policy, in the robot's own time, and record every flight."""
+
+from __future__ import annotations
+
+import getpass
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any
+
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.core.schema import Choice
+from aerial_il.links.guard import Guard
+from aerial_il.links.simulated.link import Simulated
+from aerial_il.policies.parts.execution import AS_TRAINED, Execution
+from aerial_il.workflows.parts.names import MaybeRobot, MaybeTask, Tier, at_least
+
+if TYPE_CHECKING:
+    from aerial_il.collection.collect import Collection
+    from aerial_il.core.contracts import Policy
+    from aerial_il.links.environment import LinkedEnvironment
+    from aerial_il.links.loop import Timing
+    from aerial_il.links.pilot import LinkPilot
+
+LinkChoice = Annotated[Any, Choice("link")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fly:
+    """What is flown.
+
+    Attributes:
+        policy: a run, a policy, an exported policy, or: hover, random.
+        link: to the robot.
+        guard: what must hold for the robot to follow the policy; where it does not, it hovers.
+        execution: how the policy flies its chunks.
+        think_ms: from what is seen to the answer being flown (null: measured before the flight, 0 if it fits a tick).
+        blend_ms: over which the step between two chunks is spread.
+        robot: robot that is simulated here, with link=simulated (null: the one that the policy was trained on).
+        task: its task (null: the one that the policy was trained on).
+        tier: its disturbance tier.
+        latency: how late it shows and takes things.
+        action: action level (null: the policy's own).
+        out: folder of the recordings, a dataset.
+        episodes: number of flights, one for each seed.
+        seed: first seed; it sets the scene of a simulated robot.
+        land: land after the last flight.
+        page: serve a page to watch on and to take over from the policy; while nobody watches, the robot hovers.
+        port: of that page (0: any that is free).
+        open: open it in the browser.
+        progress: show a progress bar.
+    """
+
+    policy: str
+    link: LinkChoice = field(default_factory=Simulated)
+    guard: Guard = Guard()
+    execution: Execution = AS_TRAINED
+    think_ms: float | None = None
+    blend_ms: float = 0.0
+    robot: MaybeRobot = None
+    task: MaybeTask = None
+    tier: Tier = "calm"
+    latency: Latency = NO_LATENCY
+    action: str | None = None
+    out: str
+    episodes: int = 1
+    seed: int = 10_000
+    land: bool = True
+    page: bool = False
+    port: int = 8642
+    open: bool = True
+    progress: bool = True
+
+    def __post_init__(self) -> None:
+        at_least(self, episodes=1, seed=0, think_ms=0.0, blend_ms=0.0, port=0)
+
+
+@dataclass(frozen=True)
+class Flown:
+    """What came of it.
+
+    Attributes:
+        collection: the recorded flights. timing: of all ticks. think_ticks: that the policy was given.
+        troubles: flights in which the guard objected, with the ticks for which the robot hovered.
+    """
+
+    collection: Collection
+    timing: Timing
+    think_ticks: int
+    troubles: dict[int, int]
+
+
+def fly(settings: Fly) -> Flown:
+    """Fly the seeds that ``out`` does not hold yet.
+
+    Raises:
+        LinkError: no robot answers. InvalidValueError: the policy does not suit the robot, or thinks for too long.
+    """
+    from aerial_il.collection.collect import collect
+    from aerial_il.links.environment import LinkedEnvironment
+    from aerial_il.links.loop import Timing
+    from aerial_il.workflows.info import remember
+    from aerial_il.workflows.parts import pilots
+
+    known = pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)
+    link = settings.link.connect(lambda: _robot(settings, known))
+    with closing(LinkedEnvironment(link, settings.guard)) as env:
+        seeds = range(settings.seed, settings.seed + settings.episodes)
+        pilot, ticks = _pilot(settings, known.policy, env)
+        with closing(pilot), _watched(settings, pilot, env) as (flier, name):
+            flown = collect(
+                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, ticks),
+                progress=settings.progress,
+            )  # fmt: skip
+        remember(flown, env.spec)
+        if settings.land:
+            _land(env)
+    return Flown(flown, sum(env.loop.timings, Timing()), ticks, pilot.troubles)
+
+
+def _robot(settings: Fly, pilot: Any) -> Any:
+    """Return the robot that is simulated here."""
+    from aerial_il.links.robot import SimulatedRobot
+
+    where = pilot.reference
+    if where.env is not None:
+        raise InvalidValueError(f"{where.env} is no robot of the suite: aerial-il evaluate flies it.")
+    return SimulatedRobot(
+        where.robot, where.task, tier=settings.tier, level=where.action or "ee_pose", cameras=where.cameras,
+        image_size=where.image_size, latency=settings.latency,
+    )  # fmt: skip
+
+
+def _pilot(settings: Fly, policy: Policy, env: LinkedEnvironment) -> tuple[LinkPilot, int]:
+    """Return what flies, and the ticks that it is given to think."""
+    from aerial_il.links.pilot import LinkPilot, ticks_to_think
+    from aerial_il.policies.parts.flying import FlyingPolicy
+
+    dt = env.spec.control_dt_s
+    blend = round(settings.blend_ms / 1000.0 / dt)
+    if not isinstance(policy, FlyingPolicy):
+        if settings.execution != AS_TRAINED:
+            raise InvalidValueError(f"execution is for policies that fly chunks; policy={settings.policy} does not.")
+        return LinkPilot(policy, think_ticks=round((settings.think_ms or 0.0) / 1000.0 / dt), blend_ticks=blend), 0
+    policy.check(env.spec)
+    if settings.think_ms is None:
+        ticks = ticks_to_think(policy.fresh(), env.loop.look(), dt)
+    else:
+        ticks = round(settings.think_ms / 1000.0 / dt)
+    if settings.execution != AS_TRAINED or ticks:
+        policy = policy.executing(settings.execution, settings.latency, thinking=ticks)
+    return LinkPilot(policy, think_ticks=ticks, blend_ticks=blend), ticks
+
+
+@contextmanager
+def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterator[tuple[Policy, str]]:
+    """Yield what flies, taken over by who is on the page where there is one, and its name."""
+    if not settings.page:
+        yield pilot, settings.policy
+        return
+    from aerial_il.core import presets
+    from aerial_il.core.rendering import require_rendering
+    from aerial_il.data.provenance import HUMAN
+    from aerial_il.links.takeover import TakeOver
+    from aerial_il.teleop.devices import bindings_of
+    from aerial_il.teleop.flight import Site
+    from aerial_il.workflows.parts.page import DEVICES, greet
+
+    require_rendering("watching on the page")
+    bindings = bindings_of({device: presets.read("device", device) for device in DEVICES})
+    operator, opened = getpass.getuser(), partial(greet, open_page=settings.open)
+    with TakeOver(pilot, env, bindings, Site(port=settings.port), operator=operator, opened=opened) as shared:
+        yield shared, f"{settings.policy} with {HUMAN}{operator}"
+
+
+def _said(settings: Fly, ticks: int) -> dict[str, Any]:
+    """Return what changes a flight, as recordings keep it."""
+    link = settings.link
+    own = {f"link.{name}": value for name, value in asdict(link).items() if value != getattr(type(link), name)}
+    said = {"link": link.name, **own, **settings.latency.said, **settings.execution.said}
+    return said | {name: value for name, value in (("think_ticks", ticks), ("blend_ms", settings.blend_ms)) if value}
+
+
+def _land(env: LinkedEnvironment) -> None:
+    """Land, and wait until the robot stands."""
+    from aerial_il.links.vehicle import land
+
+    land(env.loop.link)
