@@ -1,13 +1,8 @@
-"""Fields of observations, and actions, as standard messages and back.
-
-Named numbers (:func:`named`) keep every bit, as float64 under their labels; the other messages are for people and for
-the tools of ROS. Quaternions are ``x y z w``.
-"""
+"""Fields of observations as standard messages, for people and for the tools of ROS; poses come back as well."""
 
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,57 +11,12 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import mat_from_quat, mat_from_rot6d, rot6d_from_mat
 from aerial_il.core.specs import EnvSpec, Field
 from aerial_il.data.recording.encoding.poses import quat_xyzw
+from aerial_il.links.ros2.exact import Obs, camera_of, header
 from aerial_il.links.ros2.middleware import ros
 
 WORLD, BASE, TOOL = "world", "base_link", "tool"  # frames
-ENCODINGS = {"uint8": "rgb8", "float32": "32FC1", "int32": "32SC1"}  # of images, by their dtype
 IN_STANDARD = ("base_pos", "base_rot6d", "base_vel", "base_angvel", "joint_pos", "joint_vel", "gripper")
 IN_STANDARD += ("ee_pos", "ee_rot6d")  # fields that arrive as odometry, joint states and pose of the tool
-Obs = Mapping[str, np.ndarray]
-
-
-def stamp(time_s: float) -> Any:
-    """Return a time, s, as a message."""
-    seconds, rest = divmod(round(time_s * 1e9), 10**9)
-    return ros().Time(sec=seconds, nanosec=rest)
-
-
-def header(time_s: float, frame: str = "") -> Any:
-    """Return the header of a message about a frame."""
-    return ros().Header(stamp=stamp(time_s), frame_id=frame)
-
-
-def named(time_s: float, labels: Sequence[str], values: np.ndarray) -> Any:
-    """Return named numbers (k,), exactly, as the state of joints."""
-    return ros().JointState(header=header(time_s), name=list(labels), position=array("d", np.asarray(values, float)))
-
-
-def observation(time_s: float, spec: EnvSpec, obs: Obs) -> Any:
-    """Return all fields that are no images, named element by element as ``field.label``."""
-    names = spec.observation.state_names
-    return named(time_s, observation_labels(spec), spec.observation.flatten(obs, names))
-
-
-def observation_labels(spec: EnvSpec) -> list[str]:
-    """Return the names in :func:`observation`, in their order."""
-    names = spec.observation.state_names
-    return [label for name in names for label in spec.observation[name].element_labels()]
-
-
-def fields_of(message: Any, spec: EnvSpec) -> dict[str, np.ndarray]:
-    """Return the fields of an :func:`observation`, as they were.
-
-    Raises:
-        InvalidValueError: it has other fields than the specification.
-    """
-    if list(message.name) != observation_labels(spec) or len(message.position) != len(message.name):
-        differ = sorted(set(message.name) ^ set(observation_labels(spec)))
-        raise InvalidValueError(f"The observation has other fields than the description: {', '.join(differ[:5])}.")
-    values, wanted = np.array(message.position), spec.observation
-    return {
-        name: values[part].reshape(wanted[name].shape).astype(wanted[name].dtype)
-        for name, part in wanted.parts(wanted.state_names).items()
-    }
 
 
 def pose(time_s: float, pos: np.ndarray, rot6d: np.ndarray) -> Any:
@@ -119,40 +69,6 @@ def joint_states(time_s: float, obs: Obs) -> Any:
     if "gripper" in obs:
         names, pos, vel = [*names, "gripper"], np.append(pos, obs["gripper"]), np.append(vel, np.nan)
     return ros().JointState(header=header(time_s), name=names, position=array("d", pos), velocity=array("d", vel))
-
-
-def image(time_s: float, field: Field, values: np.ndarray) -> Any:
-    """Return an image: colours ``rgb8``, depth in m ``32FC1``, numbers of objects ``32SC1``."""
-    height, width = field.shape[:2]
-    data = np.ascontiguousarray(values, np.dtype(field.dtype).newbyteorder("<")).tobytes()
-    return ros().Image(
-        header=header(time_s, f"{camera_of(field)}_optical"),
-        height=height,
-        width=width,
-        encoding=ENCODINGS[field.dtype],
-        step=len(data) // height,
-        data=array("B", data),
-    )
-
-
-def image_of(message: Any, field: Field) -> np.ndarray:
-    """Return the image of a message, as it was.
-
-    Raises:
-        InvalidValueError: it is not of the field's size and kind.
-    """
-    wanted = (*field.shape[:2], ENCODINGS.get(field.dtype))
-    if (message.height, message.width, message.encoding) != wanted:
-        shown = (message.height, message.width, message.encoding)
-        raise InvalidValueError(f"{field.name} arrives as {shown}, described was {wanted}.")
-    order = ">" if message.is_bigendian else "<"
-    values = np.frombuffer(message.data, np.dtype(field.dtype).newbyteorder(order))
-    return values.reshape(field.shape).astype(field.dtype)
-
-
-def camera_of(field: Field) -> str:
-    """Return the camera that an image is from."""
-    return field.frame.removeprefix("camera ") or field.name
 
 
 def camera_info(time_s: float, field: Field, fovy_deg: float) -> Any:

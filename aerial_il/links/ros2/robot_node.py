@@ -19,13 +19,12 @@ from aerial_il.core.rotations import mat_from_rot6d
 from aerial_il.core.specs import Field
 from aerial_il.links.link import Mode, Order, Reading, RefusedError
 from aerial_il.links.robot import TAKE_OFF_M, SimulatedRobot
-from aerial_il.links.ros2 import messages
+from aerial_il.links.ros2 import exact, messages
+from aerial_il.links.ros2.exact import NAMESPACE, NUMBERS
 from aerial_il.links.ros2.middleware import Served, lasting, ros
 from aerial_il.links.ros2.set_points import Now, SetPoints
 from aerial_il.teleop.session.clock import Metronome, Pace
 
-NAMESPACE = "/aerial"
-NUMBERS = {Order.TAKE_OFF: ("height_m", "take_off_height"), Order.RESET: ("seed", "seed")}  # of orders, and parameters
 FLAGS = ("armed", "success", "crash")  # topics of their own
 LARGE = ("state", "ctrl")  # of a simulator, which are not shown
 LISTEN_S = 1.0  # for another robot on the namespace, before it is taken
@@ -205,7 +204,7 @@ class RobotNode:
     def _show(self, reading: Reading) -> None:
         obs, spec, time_s = reading.obs, self._robot.spec, reading.stamp_s
         if self._clock is not None:
-            self._clock.publish(ros().Clock(clock=messages.stamp(self._robot.time_s)))
+            self._clock.publish(ros().Clock(clock=exact.stamp(self._robot.time_s)))
         if self._parts.has_base:
             self._publish("odometry", messages.odometry(time_s, obs))
         if self._parts.joints or self._parts.has_gripper:
@@ -219,10 +218,10 @@ class RobotNode:
         told = {name: np.asarray(value).tolist() for name, value in reading.told.items() if name not in LARGE}
         flags = {**told, "armed": reading.armed}
         for name in FLAGS:
-            self._say(name, ros().Bool, bool(flags[name]))
+            self._say(name, ros().Bool, bool(flags.get(name, False)))
         self._say("mode", ros().String, reading.mode.value)
         self._publish("status", ros().String(data=json.dumps(self._status(reading, told))))
-        self._publish("observation", messages.observation(time_s, spec, obs))
+        self._publish("observation", exact.observation(time_s, spec, obs))
 
     def _status(self, reading: Reading, told: dict[str, Any]) -> dict[str, Any]:
         return {
@@ -234,9 +233,9 @@ class RobotNode:
         }
 
     def _show_image(self, time_s: float, field: Field, values: np.ndarray) -> None:
-        fovy = float(self._robot.env.model.camera(messages.camera_of(field)).fovy[0])
+        fovy = float(self._robot.env.model.camera(exact.camera_of(field)).fovy[0])
         self._publish(f"camera/{field.name}/camera_info", messages.camera_info(time_s, field, fovy))
-        self._publish(f"camera/{field.name}/image", messages.image(time_s, field, values))
+        self._publish(f"camera/{field.name}/image", exact.image(time_s, field, values))
 
     def _publish(self, topic: str, message: Any) -> None:
         if topic not in self._publishers:

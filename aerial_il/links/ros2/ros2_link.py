@@ -20,9 +20,9 @@ import numpy as np
 from aerial_il.core.errors import AerialError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.links.link import LinkError, Mode, Order, Reading, RefusedError
-from aerial_il.links.ros2 import messages
+from aerial_il.links.ros2 import exact
+from aerial_il.links.ros2.exact import NAMESPACE, NUMBERS
 from aerial_il.links.ros2.middleware import Served, lasting, ros
-from aerial_il.links.ros2.robot_node import NAMESPACE, NUMBERS
 
 PENDING = 5  # stamps of which something has arrived, and something has not
 
@@ -92,7 +92,7 @@ class Ros2Link:
         if not np.isfinite(action).all():
             raise RefusedError(f"{spec.labels[int(np.argmin(np.isfinite(action)))]} of the set point is not finite.")
         newest = self._newest
-        self._send.publish(messages.named(0.0 if newest is None else newest.stamp_s, spec.labels, action))
+        self._send.publish(exact.named(0.0 if newest is None else newest.stamp_s, spec.labels, action))
 
     def order(self, order: Order, **numbers: float) -> None:
         """Give an order, and return when it was taken and :meth:`read` shows what came of it.
@@ -162,7 +162,7 @@ class Ros2Link:
         try:
             with self._news:
                 part = json.loads(message.data) if name == "status" else message
-                at = messages.stamp(part["stamp_s"]) if name == "status" else message.header.stamp
+                at = exact.stamp(part["stamp_s"]) if name == "status" else message.header.stamp
                 key = (at.sec, at.nanosec)
                 parts = self._pending.setdefault(key, {})
                 parts[name] = part
@@ -179,9 +179,9 @@ class Ros2Link:
 
     def _whole(self, parts: dict[str, Any]) -> Reading:
         status, spec = parts["status"], self._spec
-        obs = messages.fields_of(parts["observation"], spec)
+        obs = exact.fields_of(parts["observation"], spec)
         for field in spec.observation.of_group("image"):
-            obs[field.name] = messages.image_of(parts[field.name], field)
+            obs[field.name] = exact.image_of(parts[field.name], field)
         told = {**status["told"], "refused": status["refused"], "received_s": time.monotonic()}
         return Reading(obs, status["stamp_s"], Mode(status["mode"]), status["armed"], told)
 

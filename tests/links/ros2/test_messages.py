@@ -12,7 +12,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import mat_from_quat, mat_from_yaw, rot6d_from_mat
 from aerial_il.core.specs import Field
-from aerial_il.links.ros2 import messages
+from aerial_il.links.ros2 import exact, messages
 from aerial_il.links.ros2.middleware import ros
 from aerial_il.suite.scenario import Scenario
 
@@ -32,7 +32,7 @@ def drawn(spec):
 def test_observation_arrives_bit_for_bit(cell):
     spec = Scenario(*cell).spec
     obs = drawn(spec)
-    arrived = messages.fields_of(over_the_wire(messages.observation(1.0, spec, obs)), spec)
+    arrived = exact.fields_of(over_the_wire(exact.observation(1.0, spec, obs)), spec)
     assert arrived.keys() == obs.keys()
     for name, values in obs.items():
         assert arrived[name].tobytes() == values.tobytes()
@@ -41,19 +41,19 @@ def test_observation_arrives_bit_for_bit(cell):
 def test_observation_of_other_fields_is_refused():
     spec, other = Scenario("ua_quad_arm4", "pick_place").spec, Scenario("ua_quad_arm4", "reach").spec
     with pytest.raises(InvalidValueError, match=r"other fields .*bowl_pos\.x"):
-        messages.fields_of(messages.observation(0.0, other, drawn(other)), spec)
+        exact.fields_of(exact.observation(0.0, other, drawn(other)), spec)
 
 
 @pytest.mark.parametrize(("dtype", "shape"), [("uint8", (4, 6, 3)), ("float32", (4, 6)), ("int32", (4, 6))])
 def test_images_arrive_bit_for_bit(dtype, shape):
     field = Field("wrist_x", shape, "image", dtype, frame="camera wrist")
     values = (np.random.default_rng(1).random(shape) * 200 - (dtype != "uint8")).astype(dtype)
-    message = over_the_wire(messages.image(0.5, field, values))
-    assert messages.image_of(message, field).tobytes() == values.tobytes()
+    message = over_the_wire(exact.image(0.5, field, values))
+    assert exact.image_of(message, field).tobytes() == values.tobytes()
     assert message.header.frame_id == "wrist_optical"
     assert message.step == message.width * np.dtype(dtype).itemsize * (3 if dtype == "uint8" else 1)
     with pytest.raises(InvalidValueError, match="wrist_x arrives as"):
-        messages.image_of(message, Field("wrist_x", (8, 6), "image", dtype))
+        exact.image_of(message, Field("wrist_x", (8, 6), "image", dtype))
 
 
 def test_camera_sees_its_angle_of_view():
