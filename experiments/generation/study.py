@@ -2,8 +2,8 @@
 
 Each draw has one flight of the expert, the source. It is generated from for every robot and in several tiers, and a
 clone of what was generated flies, on each robot, beside three controls: a clone of as many flights of the expert, one
-of as many with half of them in gusts, and one of the source alone. On a few tasks three more ways are compared: with noise, out of six sources, and out of the nearest
-of six. All are judged on the same reserved seeds.
+of as many with half of them in gusts, and one of the source alone. On a few tasks three more ways are compared: with
+noise, out of six sources, and out of the nearest of six. All are judged on the same reserved seeds.
 """
 
 from __future__ import annotations
@@ -251,8 +251,8 @@ NOTES = (
     "Clones of what was generated: each training has its own source and weights; other robots' learn from what was "
     "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
     "Controls: as_many, a clone of as many flights of the expert with its default noise; expert_in_both, of as many, "
-    "half of them in gusts; alone, one of the single flight. noisy: generated with noise; six: out of six flights of the expert; nearest: out of whichever of these "
-    "six is nearest.",
+    "half of them in gusts; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
+    "the expert; nearest: out of whichever of these six is nearest.",
 )
 
 

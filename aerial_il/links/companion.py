@@ -1,0 +1,63 @@
+"""Whole-body control on the companion computer: tool poses become set points of base and joints.
+
+For autopilots, which know of no tool: the same compiled references and inverse kinematics as in the suite's own
+controller, fed with what the robot shows. The arm is solved from the base's actual pose, so that it makes up for what
+the base is off by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import mujoco
+import numpy as np
+
+from aerial_il.control import controller_state as layout
+from aerial_il.control.controller import Controller
+from aerial_il.control.vehicle import Vehicle
+from aerial_il.core.rotations import mat_from_rot6d, wrap_angle
+
+KP, KJ = 2.0, 8.0
+
+
+class Companion:
+    """Follows tool poses with one vehicle.
+
+    Args:
+        vehicle: nominal model.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._controller = Controller(vehicle, level="ee_pose")
+        self._thrust = np.zeros(vehicle.num_rotors)
+
+    def reset(self) -> None:
+        """Begin where the robot is when it is next asked."""
+        self._controller.reset()
+
+    def velocity(self, action: np.ndarray, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the set point at ``velocity`` for one at ``ee_pose``; to be called once a control step.
+
+        Args:
+            action: (Da,) tool position, rot6d and gripper. obs: what the robot shows, name -> (*shape,).
+        """
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, mat_from_rot6d(obs["base_rot6d"]).ravel())
+        controller, joints = self._controller, self._controller.vehicle.num_joints
+        qvel = np.concatenate([obs["base_vel"], obs["base_angvel"], obs["joint_vel"]])
+        state, arm = controller.state, slice(layout.JOINT_CMD, layout.JOINT_CMD + joints)
+        for _ in range(controller.ticks_per_action):
+            at = state[arm] if state[layout.READY] else obs["joint_pos"]
+            controller.update(action, np.concatenate([obs["base_pos"], quaternion, at]), qvel, self._thrust)
+        base, vel = state[layout.BASE_POS : layout.BASE_POS + 3], state[layout.BASE_VEL : layout.BASE_VEL + 3]
+        yaw = np.arctan2(obs["base_rot6d"][1], obs["base_rot6d"][0])
+        turn = wrap_angle(state[layout.BASE_YAW] - yaw)
+        wanted = state[layout.JOINT_CMD : layout.JOINT_CMD + joints]
+        return np.array([
+            *(vel + KP * (base - obs["base_pos"])), state[layout.BASE_YAW_RATE] + KP * turn, *(KJ * (wanted - obs["joint_pos"])), *action[9:],
+        ])
+
+    def base_joint(self, action, obs):
+        v = self.velocity(action, obs)
+        state, joints = self._controller.state, self._controller.vehicle.num_joints
+        return np.array([*state[layout.BASE_POS:layout.BASE_POS+3], state[layout.BASE_YAW], *state[layout.JOINT_CMD:layout.JOINT_CMD+joints], *action[9:]])
