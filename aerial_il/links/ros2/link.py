@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
     from aerial_il.links.link import Link
     from aerial_il.links.robot import SimulatedRobot
 
+log = logging.getLogger(__name__)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Ros2(LinkSettings):
@@ -22,7 +25,7 @@ class Ros2(LinkSettings):
 
     Attributes:
         namespace: of its topics and services.
-        speed: of the time of a robot that is simulated: 2 is twice as fast.
+        speed: of the time of the robot that aerial-il simulate serves: 2 is twice as fast.
         timeout_s: how long it may take to be there, and to answer an order.
     """
 
@@ -42,4 +45,5 @@ class Ros2(LinkSettings):
         from aerial_il.links.ros2.robot_node import RobotNode
 
         with closing(RobotNode(robot, namespace=self.namespace, speed=self.speed)) as node:
+            log.info("%s is on %s, until Ctrl-C.", robot.spec.robot, self.namespace)
             node.run()

@@ -63,7 +63,7 @@ class RobotNode:
         self._clock = self._node.create_publisher(ros().Clock, "/clock", 1) if clock else None
         for order, (_, parameter) in NUMBERS.items():
             self._node.declare_parameter(parameter, TAKE_OFF_M if order is Order.TAKE_OFF else 0)
-        self._say("description", ros().String, json.dumps(description(robot)))
+        self._say("description", ros().String, json.dumps(description(robot, speed)))
         self._subscribe()
         for order in Order:
             self._node.create_service(ros().Trigger, order.value, partial(self._obey, order))
@@ -251,10 +251,10 @@ class RobotNode:
             self._publishers[topic].publish(kind(data=value))
 
 
-def description(robot: SimulatedRobot) -> dict[str, Any]:
-    """Return what a robot says of itself: its specification, and the actions of every level that it takes."""
+def description(robot: SimulatedRobot, speed: float) -> dict[str, Any]:
+    """Return what a robot says of itself: its specification, the actions of every level that it takes, its speed."""
     actions = {level: robot.spec_at(level).to_dict()["action"] for level in robot.levels}
-    return {"spec": robot.spec.to_dict(), "actions": actions}
+    return {"spec": robot.spec.to_dict(), "actions": actions, "speed": speed}
 
 
 def _require_world(header: Any) -> None:

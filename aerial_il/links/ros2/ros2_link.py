@@ -63,6 +63,11 @@ class Ros2Link:
         return self._spec
 
     @property
+    def speed(self) -> float:
+        """The robot's seconds in a second: 1 unless it is simulated otherwise."""
+        return self._speed
+
+    @property
     def levels(self) -> tuple[str, ...]:
         """Levels of the set points that the robot takes."""
         return tuple(self._actions)
@@ -130,7 +135,7 @@ class Ros2Link:
         self._numbers = ros().AsyncParameterClient(node, f"{self._namespace}/robot")
         self._served.start()
         self._wait(lambda: self._described is not None, self._nobody)
-        spec, self._actions = _read_description(str(self._described), self._namespace)
+        spec, self._actions, self._speed = _read_description(str(self._described), self._namespace)
         if level is not None and level not in self._actions:
             raise UnknownNameError("action level", level, self._actions)
         self._spec = replace(spec, action=self._actions[level or spec.action.level])
@@ -228,12 +233,13 @@ class Ros2Link:
         )
 
 
-def _read_description(text: str, namespace: str) -> tuple[EnvSpec, dict[str, Any]]:
-    """Return the specification of a robot, and its actions by their levels."""
+def _read_description(text: str, namespace: str) -> tuple[EnvSpec, dict[str, Any], float]:
+    """Return the specification of a robot, its actions by their levels, and its speed."""
     try:
         raw = json.loads(text)
         spec = EnvSpec.from_dict(raw["spec"])
+        speed = float(raw.get("speed", 1.0))
         specs = {level: EnvSpec.from_dict({**raw["spec"], "action": raw["actions"][level]}) for level in raw["actions"]}
     except (ValueError, KeyError, TypeError, AttributeError) as error:  # InvalidValueError is a ValueError
         raise LinkError(f"What is on {namespace} does not describe itself as a robot does: {error!r}.") from error
-    return spec, {level: at.action for level, at in specs.items()}
+    return spec, {level: at.action for level, at in specs.items()}, speed

@@ -16,6 +16,7 @@ pytest.importorskip("rclpy", reason="ROS 2 is not installed: pip install 'aerial
 
 from trajectory_msgs.msg import JointTrajectoryPoint
 
+from aerial_il.core import registry
 from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 from aerial_il.links.link import LinkError, Mode, Order, RefusedError
 from aerial_il.links.robot import SimulatedRobot
@@ -31,7 +32,7 @@ HOVERS_WITHIN_S = 0.3  # of silence, by the robot's clock
 @pytest.fixture
 def link(serve):
     serve(ROBOT, TASK, "/one", 4)
-    link = Ros2Link("/one")
+    link = registry.get("link", "ros2")(namespace="/one").connect(lambda: None)
     yield link
     link.close()
 
@@ -57,6 +58,7 @@ def test_readings_are_the_robots_own_bit_for_bit(link):
     robot = SimulatedRobot(ROBOT, TASK)
     assert link.spec == robot.spec
     assert link.levels == robot.levels
+    assert link.speed == 4.0
     for seed in (3, 4):
         link.order(Order.RESET, seed=seed)
         robot.reset(seed)

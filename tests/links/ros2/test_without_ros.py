@@ -6,6 +6,15 @@ import subprocess
 import sys
 
 
+def test_who_flies_needs_neither_simulator_nor_compiler():
+    program = (
+        "import sys, aerial_il.links.ros2.ros2_link\n"
+        "print([name for name in ('mujoco', 'numba', 'torch') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
 def test_says_how_to_get_it():
     program = (
         "import sys; sys.modules['rclpy'] = None\n"
