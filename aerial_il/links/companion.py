@@ -15,9 +15,7 @@ import numpy as np
 from aerial_il.control import controller_state as layout
 from aerial_il.control.controller import Controller
 from aerial_il.control.vehicle import Vehicle
-from aerial_il.core.rotations import mat_from_rot6d, wrap_angle
-
-KP, KJ = 2.0, 8.0
+from aerial_il.core.rotations import mat_from_rot6d
 
 
 class Companion:
@@ -35,29 +33,19 @@ class Companion:
         """Begin where the robot is when it is next asked."""
         self._controller.reset()
 
-    def velocity(self, action: np.ndarray, obs: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the set point at ``velocity`` for one at ``ee_pose``; to be called once a control step.
+    def base_joint(self, action: np.ndarray, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the set point at ``base_joint`` for one at ``ee_pose``; to be called once a control step.
 
         Args:
             action: (Da,) tool position, rot6d and gripper. obs: what the robot shows, name -> (*shape,).
         """
+        controller, state = self._controller, self._controller.state
+        arm = slice(layout.JOINT_CMD, layout.JOINT_CMD + controller.vehicle.num_joints)
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, mat_from_rot6d(obs["base_rot6d"]).ravel())
-        controller, joints = self._controller, self._controller.vehicle.num_joints
         qvel = np.concatenate([obs["base_vel"], obs["base_angvel"], obs["joint_vel"]])
-        state, arm = controller.state, slice(layout.JOINT_CMD, layout.JOINT_CMD + joints)
         for _ in range(controller.ticks_per_action):
-            at = state[arm] if state[layout.READY] else obs["joint_pos"]
+            at = state[arm] if state[layout.READY] else obs["joint_pos"]  # joints that lag over a link are no contact
             controller.update(action, np.concatenate([obs["base_pos"], quaternion, at]), qvel, self._thrust)
-        base, vel = state[layout.BASE_POS : layout.BASE_POS + 3], state[layout.BASE_VEL : layout.BASE_VEL + 3]
-        yaw = np.arctan2(obs["base_rot6d"][1], obs["base_rot6d"][0])
-        turn = wrap_angle(state[layout.BASE_YAW] - yaw)
-        wanted = state[layout.JOINT_CMD : layout.JOINT_CMD + joints]
-        return np.array([
-            *(vel + KP * (base - obs["base_pos"])), state[layout.BASE_YAW_RATE] + KP * turn, *(KJ * (wanted - obs["joint_pos"])), *action[9:],
-        ])
-
-    def base_joint(self, action, obs):
-        v = self.velocity(action, obs)
-        state, joints = self._controller.state, self._controller.vehicle.num_joints
-        return np.array([*state[layout.BASE_POS:layout.BASE_POS+3], state[layout.BASE_YAW], *state[layout.JOINT_CMD:layout.JOINT_CMD+joints], *action[9:]])
+        base = state[layout.BASE_POS : layout.BASE_POS + 3]
+        return np.array([*base, state[layout.BASE_YAW], *state[arm], *action[9:]])

@@ -87,7 +87,7 @@ class Links:
     latencies_ms: tuple[int, ...] = (0, 20, 60, 100)
     demos: int = 80
     draw: int = 0
-    speed: float = 1.0
+    speed: float = 2.0
     episodes: int = 50
     first_episode: int = EVALUATION_SEED
     num_envs: int = 50
@@ -192,10 +192,10 @@ def _nobody() -> Any:
 NOTES = (
     "One policy a task, a clone of the expert's flights in calm air with noise 0.3; another training was not measured. "
     "Intervals: Wilson's 95 % over its flights.",
-    "evaluation: as aerial-il evaluate flies it. in_process: the robot's time runs on beside the policy. ros2: the robot "
-    "in a process of its own, over the real middleware on one machine. None of it is hardware.",
-    "Latency: whole steps of 20 ms, half of them (the larger half) in what is seen, the others in what is done; that of "
-    "the link comes on top. plain: chunks flown as if there were none; dropped: less the actions that come too late.",
+    "evaluation: as aerial-il evaluate flies it. in_process: the robot's time runs on beside the policy. ros2: the "
+    "robot in a process of its own, over the real middleware on one machine. Nothing of it is hardware.",
+    "Latency: whole steps of 20 ms, half of them (the larger half) in what is seen, the others in what is done; that "
+    "of the link comes on top. plain: chunks flown as if there were none; dropped: less actions that come too late.",
 )
 
 
