@@ -27,6 +27,10 @@ class LinkSettings:
         """Let others fly a simulated robot over such a link, until interrupted."""
         raise InvalidValueError(f"link={self.name} is flown in one process: aerial-il fly link={self.name} ...")
 
+    def missing(self) -> str:
+        """Return what must be installed first, and how; nothing if all is there."""
+        return ""
+
     @property
     def name(self) -> str:
         """What it is called: the name of its folder."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from aerial_il.core.checks import require_positive
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.links.ros2.exact import NAMESPACE
 from aerial_il.links.settings import LinkSettings
 
@@ -35,6 +36,15 @@ class Ros2(LinkSettings):
 
     def __post_init__(self) -> None:
         require_positive(self, "speed", "timeout_s")
+
+    def missing(self) -> str:
+        from aerial_il.links.ros2.middleware import ros
+
+        try:
+            ros()
+        except InvalidValueError as error:
+            return str(error)
+        return ""
 
     def connect(self, here: Callable[[], SimulatedRobot]) -> Link:
         from aerial_il.links.ros2.ros2_link import Ros2Link
