@@ -105,7 +105,7 @@ def fly(settings: Fly) -> Flown:
     from aerial_il.workflows.parts import pilots
 
     known = pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)
-    link = settings.link.connect(lambda: _robot(settings, known))
+    link = settings.link.connect(lambda: _robot(settings, known), level=known.reference.action)
     with closing(LinkedEnvironment(link, settings.guard)) as env:
         seeds = range(settings.seed, settings.seed + settings.episodes)
         pilot, ticks = _pilot(settings, known.policy, env)

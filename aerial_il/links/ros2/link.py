@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from aerial_il.core.checks import require_positive
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.links.ros2.exact import NAMESPACE
 from aerial_il.links.settings import LinkSettings
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ class Ros2(LinkSettings):
         timeout_s: how long it may take to be there, and to answer an order.
     """
 
-    namespace: str = NAMESPACE
+    namespace: str = "/aerial"
     speed: float = 1.0
     timeout_s: float = 10.0
 
@@ -46,10 +45,10 @@ class Ros2(LinkSettings):
             return str(error)
         return ""
 
-    def connect(self, here: Callable[[], SimulatedRobot]) -> Link:
+    def connect(self, here: Callable[[], SimulatedRobot], *, level: str | None = None) -> Link:
         from aerial_il.links.ros2.ros2_link import Ros2Link
 
-        return Ros2Link(self.namespace, timeout_s=self.timeout_s)
+        return Ros2Link(self.namespace, level=level, timeout_s=self.timeout_s)
 
     def serve(self, robot: SimulatedRobot) -> None:
         from aerial_il.links.ros2.robot_node import RobotNode
