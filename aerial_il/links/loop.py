@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
@@ -19,6 +20,7 @@ from aerial_il.links.watch import Watch
 from aerial_il.teleop.session.clock import LATE_S, Metronome, Pace
 
 PATIENCE_S = 10.0  # for a robot that was told to begin
+LOST_S = 5.0  # without news of a robot for longer, its flight is given up
 POLL_S = 0.002
 
 
@@ -60,7 +62,8 @@ class RobotLoop:
     Attributes:
         obs: what the robot showed last, name -> (*shape,). reading: that reading.
         steps, held: ticks of the flight, and those in which the guard objected. timing: of its ticks.
-        timings: of all flights.
+        sent: (Da,) the last set point of the flight; None before the first.
+        timings: of all flights. troubles: seed -> ticks in which the guard objected, and to what it did so first.
     """
 
     def __init__(self, link: Link, guard: Guard | None = None) -> None:
@@ -69,8 +72,10 @@ class RobotLoop:
         self.obs: dict[str, np.ndarray] = {}
         self.reading: Reading | None = None
         self.steps = self.held = self.seed = 0
+        self.sent: np.ndarray | None = None
         self.timing, self._woke = Timing(), time.perf_counter()
         self.timings: list[Timing] = []
+        self.troubles: dict[int, tuple[int, str]] = {}
         self._metronome: Metronome | None = None
 
     @property
@@ -93,34 +98,43 @@ class RobotLoop:
 
         Raises:
             LinkError: it does not begin. RefusedError: it refuses, and says why.
+            InvalidValueError: it begins beyond the fence.
         """
         self.seed = seed
         self.link.order(Order.RESET, seed=seed)
         self.link.order(Order.ARM)
         self.link.order(Order.TAKE_OFF, height_m=0.0)
-        self.join()
+        self.troubles.pop(seed, None)
+        self.join(seed)
 
-    def join(self) -> None:
-        """Begin to fly a robot that is in the air.
+    def join(self, seed: int | None = None) -> None:
+        """Begin to fly a robot that is in the air, in the episode of ``seed`` if there is one.
 
         Raises:
-            LinkError: it is not.
+            LinkError: it is not. InvalidValueError: it is beyond the fence.
         """
-        self._take(self._awaited(Mode.FLYING, Mode.HOLDING))
-        self.steps, self.held, self.timing = 0, 0, Timing()
+        self._take(self._awaited(Mode.FLYING, Mode.HOLDING, seed=seed))
+        self.steps, self.held, self.sent, self.timing = 0, 0, None, Timing()
         self.timings.append(self.timing)
         self.watch.begin()
         self.watch.see(self.reading)
+        if self.watch.over:
+            raise InvalidValueError(f"The flight would end where it begins: {self.trouble}. Set guard.fence wider.")
         speed = getattr(self.link, "speed", 1.0)
         self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / speed)
         self._woke = time.perf_counter()
 
     def tick(self, action: np.ndarray) -> None:
-        """Send a set point (Da,) at the level of the specification unless the guard objects; wait; read."""
+        """Send a set point (Da,) at the level of the specification unless the guard objects; wait; read.
+
+        Raises:
+            LinkError: the robot has shown nothing for long.
+        """
         if self.trouble:
             self.held += 1
         else:
-            self.link.send(self.spec.action.level, self.spec.action.clip(action))
+            self.sent = self.spec.action.clip(action)
+            self.link.send(self.spec.action.level, self.sent)
         worked = time.perf_counter() - self._woke
         late = 0.0
         if self._metronome is None:
@@ -131,6 +145,10 @@ class RobotLoop:
         self.steps += 1
         reading = self.link.read()
         self.watch.see(reading)
+        if self.trouble:
+            self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, self.trouble))[1]
+        if self.watch.age * self.spec.control_dt_s > LOST_S:
+            raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
         if reading is not None and (not self.trouble or reading.mode is Mode.CRASHED):
             self._take(reading)
         self.timing.late_s.append(late)
@@ -145,10 +163,21 @@ class RobotLoop:
         """
         return {name: value[None] for name, value in self._awaited(*Mode).obs.items()}
 
-    def _awaited(self, *modes: Mode) -> Reading:
-        """Wait for a reading in one of these modes."""
+    def hold(self) -> np.ndarray:
+        """Return the action (Da,) that keeps the robot where it shows itself, the gripper as it was commanded last."""
+        action = hold_action(self.spec, self.obs)
+        if self.sent is not None and self.spec.action.labels[-1] == "gripper":
+            action[-1] = self.sent[-1]
+        return action
+
+    def _awaited(self, *modes: Mode, seed: int | None = None) -> Reading:
+        """Wait for a reading in one of these modes, and not of another episode than that of ``seed``, if it tells."""
         until = time.perf_counter() + PATIENCE_S
-        while (reading := self.link.read()) is None or reading.mode not in modes:
+        while (
+            (reading := self.link.read()) is None
+            or reading.mode not in modes
+            or (seed is not None and reading.told.get("seed", seed) != seed)
+        ):
             if self.link.lockstep or time.perf_counter() > until:
                 mode = "shows nothing" if reading is None else f"is {reading.mode}"
                 raise LinkError(f"The robot {mode}, {PATIENCE_S:g} s after it was asked.")

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 import torch
 
-from aerial_il import load_batch
+from aerial_il import experts, load_batch
 from aerial_il.cli.main import main
+from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.data.folder import FAILURES
+from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.guard import Guard
@@ -124,12 +127,68 @@ def test_set_points_and_readings_may_be_lost() -> None:
 
 
 def test_beyond_the_fence_the_flight_ends() -> None:
-    env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0)))
+    env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.4)))
     env.reset(0)
-    result = env.step(still(env))
-    assert result.terminated[0]
+    up = still(env) + np.array([0.0, 0.0, 0.4, *[0.0] * 7])
+    result = next(result for result in (env.step(up) for _ in range(200)) if result.terminated[0])
     assert "beyond the fence" in env.loop.trouble
+    assert "beyond the fence" in env.loop.troubles[0][1]
     assert not result.info["crash"][0]
+
+
+def test_a_fence_within_which_it_does_not_start_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"beyond the fence. Set guard\.fence"):
+        linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0))).reset(0)
+
+
+def test_a_robot_that_is_gone_ends_the_flight() -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(20, 10_000)
+    env = LinkedEnvironment(link)
+    with pytest.raises(LinkError, match="is lost: no news of the robot for 5"):
+        evaluate(env, LinkPilot(fresh_policy("mlp")), [0], policy_name="a", progress=False)
+
+
+def test_a_reading_of_an_earlier_episode_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = linked()
+    env.reset(1)
+    stale = env.loop.link.read()
+    monkeypatch.setattr(env.loop.link, "read", lambda: stale)
+    with pytest.raises(LinkError, match="10 s after"):
+        env.reset(2)
+
+
+def test_a_success_after_held_ticks_is_no_demonstration(tmp_path: Path) -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(30, 45)
+    env = LinkedEnvironment(link)
+    flown = collect(env, LinkPilot(experts.make(ROBOT, TASK)), [0], tmp_path, progress=False)
+    (path,) = flown.folder.files(FAILURES)
+    note = read_episode(path).provenance["note"]
+    assert flown.failures == [0]
+    assert "hovered by itself for" in note
+    assert "no news" in note
+
+
+def test_what_is_gripped_stays_gripped_after_trouble() -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(40, 60)
+    env = LinkedEnvironment(link)
+    obs = env.reset(0)
+    pilot = LinkPilot(fresh_policy("mlp").executing(Execution(), thinking=3), think_ticks=3)
+    pilot.attach(env)
+    pilot.reset()
+    closed = still(env)
+    closed[0, -1] = 0.0
+    starved = 0
+    for _ in range(80):
+        said = pilot.act(obs)
+        if pilot.starved > starved > 3:
+            assert said[0, -1] == 0.0, "as it was commanded last"
+        starved = pilot.starved
+        obs = env.step(closed).obs
+    pilot.close()
+    assert starved == 6, "it thought anew"
 
 
 def test_a_clock_that_jumps_is_trouble() -> None:
