@@ -265,6 +265,18 @@ def test_in_real_time_ticks_are_counted(tmp_path: Path) -> None:
     assert said["work_ms_p50"] > 0.0
 
 
+@pytest.mark.render
+def test_images_are_shown_in_real_time() -> None:
+    env = linked(Simulated(clock="wall"), cameras=("wrist",), image_size=(30, 40))
+    for seed in (0, 1):  # a reset draws on this thread, flying on the robot's
+        first = env.reset(seed)["wrist_rgb"]
+        for _ in range(10):
+            shown = env.step(still(env)).obs["wrist_rgb"]
+    env.close()
+    assert shown.shape == first.shape == (1, 30, 40, 3)
+    assert shown.std() > 0.0
+
+
 def test_the_command_records_what_trains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fresh_policy("mlp").save(tmp_path / "policy")
     out = tmp_path / "flown"
