@@ -62,7 +62,11 @@ class SimulatedRobot:
         quiet_s: float = QUIET_S,
     ) -> None:
         scenario = Scenario(robot, task, tier, level, cameras, image_size, controller)
-        require_linked(level)
+        if level not in LINKED_LEVELS:
+            raise InvalidValueError(
+                f"action={level} is not flown over a link: a set point that is lost or late would change what follows. "
+                f"Valid: {', '.join(LINKED_LEVELS)}."
+            )
         own = [each.label for each in levels_of(scenario.robot.vehicle) if each.label in LINKED_LEVELS]
         self._envs = {each: BatchEnvironment(replace(scenario, action=each), 1, 1) for each in own}
         self._first, self._latency = level, latency.steps(scenario.spec.control_dt_s)
@@ -286,19 +290,6 @@ class SimulatedRobot:
                 own[where : where + 3] = 0.0
         self._level = level
         self.env.set_state(state)
-
-
-def require_linked(level: str) -> None:
-    """Refuse a level whose set points do not stand for themselves.
-
-    Raises:
-        InvalidValueError: names those that do.
-    """
-    if level not in LINKED_LEVELS:
-        raise InvalidValueError(
-            f"action={level} is not flown over a link: a set point that is lost or late would change all that follow. "
-            f"Valid: {', '.join(LINKED_LEVELS)}."
-        )
 
 
 def _yaw(env: BatchEnvironment) -> float:
