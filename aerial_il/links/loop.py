@@ -30,15 +30,15 @@ class Timing:
 
     Attributes:
         late_s: how long after its deadline a tick began. work_s: from there to its set point being sent.
-        age: ticks since the newest reading came.
+        age_s: how long ago the newest reading came, s of the robot's time.
     """
 
     late_s: list[float] = field(default_factory=list)
     work_s: list[float] = field(default_factory=list)
-    age: list[int] = field(default_factory=list)
+    age_s: list[float] = field(default_factory=list)
 
     def __add__(self, other: Timing) -> Timing:
-        return Timing(self.late_s + other.late_s, self.work_s + other.work_s, self.age + other.age)
+        return Timing(self.late_s + other.late_s, self.work_s + other.work_s, self.age_s + other.age_s)
 
     def summary(self) -> dict[str, float]:
         """Return what there is to say of them: counts, and milliseconds."""
@@ -49,7 +49,7 @@ class Timing:
             "work_ms_p50": round(float(np.percentile(work, 50)), 3),
             "work_ms_p99": round(float(np.percentile(work, 99)), 3),
             "late_ms_p99": round(float(np.percentile(late, 99)), 3),
-            "oldest_reading_ticks": max(self.age, default=0),
+            "oldest_reading_ms": round(1000.0 * max(self.age_s, default=0.0), 1),
         }
 
 
@@ -77,6 +77,7 @@ class RobotLoop:
         self.timings: list[Timing] = []
         self.troubles: dict[int, tuple[int, str]] = {}
         self._metronome: Metronome | None = None
+        self._speed: float = getattr(link, "speed", 1.0)
 
     @property
     def trouble(self) -> str:
@@ -87,6 +88,12 @@ class RobotLoop:
     def told(self) -> Mapping[str, Any]:
         """What a simulator told besides with the last reading."""
         return {} if self.reading is None else self.reading.told
+
+    @property
+    def _now_s(self) -> float:
+        """The loop's time, which passes as fast as the robot's, s."""
+        lockstep = self._metronome is None
+        return self.steps * self.spec.control_dt_s if lockstep else self._speed * time.perf_counter()
 
     @property
     def pace(self) -> Pace | None:
@@ -116,12 +123,11 @@ class RobotLoop:
         self._take(self._awaited(Mode.FLYING, Mode.HOLDING, seed=seed))
         self.steps, self.held, self.sent, self.timing = 0, 0, None, Timing()
         self.timings.append(self.timing)
+        self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / self._speed)
         self.watch.begin()
-        self.watch.see(self.reading)
+        self.watch.see(self.reading, self._now_s)
         if self.watch.over:
             raise InvalidValueError(f"The flight would end where it begins: {self.trouble}. Set guard.fence wider.")
-        speed = getattr(self.link, "speed", 1.0)
-        self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / speed)
         self._woke = time.perf_counter()
 
     def tick(self, action: np.ndarray) -> None:
@@ -144,16 +150,16 @@ class RobotLoop:
         self._woke = time.perf_counter()
         self.steps += 1
         reading = self.link.read()
-        self.watch.see(reading)
+        self.watch.see(reading, self._now_s)
         if self.trouble:
             self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, self.trouble))[1]
-        if self.watch.age * self.spec.control_dt_s > LOST_S:
+        if self.watch.age_s > LOST_S:
             raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
         if reading is not None and (not self.trouble or reading.mode is Mode.CRASHED):
             self._take(reading)
         self.timing.late_s.append(late)
         self.timing.work_s.append(worked)
-        self.timing.age.append(self.watch.age)
+        self.timing.age_s.append(self.watch.age_s)
 
     def look(self) -> dict[str, np.ndarray]:
         """Wait for what the robot shows before a flight, and return it: name -> (1, ...).

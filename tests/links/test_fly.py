@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.core.specs import EnvSpec
 from aerial_il.data.folder import FAILURES
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.rollouts import evaluate
@@ -31,15 +33,17 @@ from aerial_il.policies.parts.execution import Execution
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.tasks import united
 from aerial_il.suite.late import late
+from aerial_il.workflows.fly import Fly
 
 ROBOT, TASK = "ua_quad_arm4", "reach"
 TOOL_ALONE = ("base_*", "joint_*", "wrist_force")
 
 
-def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
+def fresh_policy(name: str, *, spec: EnvSpec | None = None, **settings: object) -> ChunkPolicy:
     """Return an untrained policy of the robot, which hovers about, as all that it says is relative to its tool."""
-    spec = load_batch(ROBOT, TASK, num_envs=1, num_threads=1).spec
+    spec = spec or load_batch(ROBOT, TASK, num_envs=1, num_threads=1).spec
     small = {"chunk": 16, "execute": 4, "ensemble": None, "relative": True, "masked_fields": TOOL_ALONE}
     config = get(name)(**{**small, **settings})
     layout, size = Layout.of(spec, config), spec.action.size
@@ -122,7 +126,7 @@ def test_set_points_and_readings_may_be_lost() -> None:
     env = linked(Simulated(loss=0.05))
     result = evaluate(env, LinkPilot(fresh_policy("mlp")), [0], policy_name="a", progress=False)
     assert result.episodes[0].steps > 50
-    assert max(env.loop.timing.age) >= 1
+    assert max(env.loop.timing.age_s) >= env.spec.control_dt_s
     assert env.loop.held == 0
 
 
@@ -198,10 +202,22 @@ def test_a_clock_that_jumps_is_trouble() -> None:
     assert reading is not None
     seen = []
     for stamp in (1.0, 1.02, 0.5, 0.52, 30.0, *np.arange(30.02, 30.2, 0.02)):
-        watch.see(Reading(reading.obs, stamp, Mode.FLYING, armed=True))
+        watch.see(Reading(reading.obs, stamp, Mode.FLYING, armed=True), stamp)
         seen.append("jumped" in watch.trouble)
     assert seen[:5] == [False, False, True, True, True]
     assert not seen[-1], "a few readings later it is over"
+
+
+def test_a_reading_does_not_age_while_lost_ticks_are_made_up_for() -> None:
+    env = linked()
+    env.reset(0)
+    reading, watch = env.loop.link.read(), Watch(Guard(), env.spec)
+    assert reading is not None
+    for now_s in (1.0, *[1.3] * 10, 1.34, 1.36):
+        watch.see(replace(reading, stamp_s=min(now_s, 1.3)), now_s)
+        assert not watch.trouble
+    watch.see(replace(reading, stamp_s=1.3), 1.38)
+    assert watch.trouble == "no news of the robot for 80 ms"
 
 
 def test_who_lands_it_ends_the_flight() -> None:
@@ -289,6 +305,21 @@ def test_the_command_records_what_trains(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["validate", str(out), "replay=true", "progress=false"]) == 0
     assert main(typed) == 0, "what is flown is not flown again"
     assert "2 flights were there already" in capsys.readouterr().out
+
+
+def test_a_policy_of_several_tasks_flies_in_real_time(tmp_path: Path) -> None:
+    specs = [load_batch(ROBOT, task, num_envs=1, num_threads=1).spec for task in (TASK, "press_button")]
+    fresh_policy("mlp", spec=united(specs)).save(tmp_path / "policy")
+    clock = ["link.clock=wall", "link.speed=8", "guard.fence=[-1,-1,0,1,1,1.6]"]
+    typed = ["fly", f"policy={tmp_path / 'policy'}", f"task={TASK}", "seed=0", *clock, "progress=false"]
+    assert main([*typed, f"out={tmp_path / 'flown'}"]) == 0
+    assert len([*(tmp_path / "flown").glob("*/*.mcap")]) == 1
+
+
+@pytest.mark.parametrize("key", ["think_ms", "blend_ms"])
+def test_nan_is_refused(tmp_path: Path, key: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"{key}=nan"):
+        Fly(policy="random", out=str(tmp_path), **{key: np.nan})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_policy_of_another_robot_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
