@@ -119,7 +119,7 @@ def _said(words: Sequence[str]) -> tuple[dict[str, str], Path | None]:
         InvalidValueError: a key is missing or unknown, or the file cannot be written.
     """
     usage = (__doc__ or "").splitlines()[2]
-    said = dict(word.partition("=")[::2] for word in words)
+    said = {name: value for name, _, value in (word.partition("=") for word in words)}
     if unknown := [name for name in said if name not in KEYS and not name.startswith("link.")]:
         raise InvalidValueError(f"Unknown key {unknown[0]!r}. Valid: {', '.join(KEYS)}, link.KEY. {usage}")
     if missing := [name for name in ("policy", "link") if name not in said]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
@@ -30,6 +31,9 @@ class TakeOver:
         pilot: what flies otherwise. env: the robot, in its own time. bindings: of the page's devices.
         site: where the page is served. operator: who watches. opened: called when the page is there.
 
+    Attributes:
+        by_person: seed -> ticks that the person flew, where they did.
+
     Raises:
         InvalidValueError: the robot's time waits for the policy, so that a person could not keep up with it.
     """
@@ -51,7 +55,7 @@ class TakeOver:
         place = {"host": site.host, "port": site.port, "tls": site.tls}
         self._page = PageHost(env.model, bindings, texts, cameras=CAMERAS, size=site.size, opened=opened, **place)
         self._readings = readings_of(env.spec.observation)
-        self._ticks = self._by_person = 0
+        self._ticks, self.by_person = 0, Counter[int]()
         self._turn: Turn | None = None
         self._arbiter: Arbiter | None = None
         self._engaged()  # refuses a level that nobody can fly by hand
@@ -84,7 +88,7 @@ class TakeOver:
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         self._pilot.begin(seeds, mask)
-        self._by_person = 0
+        del self.by_person[self._env.loop.seed]
         self._arbiter = None
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -103,13 +107,13 @@ class TakeOver:
         frame = self._page.inbox.frame()
         self._turn = turn = self._arbiter.act(frame, obs)
         self._ticks += 1
-        self._by_person += turn.flier is Flier.PERSON
+        self.by_person.update([self._env.loop.seed] if turn.flier is Flier.PERSON else [])
         self._page.film.show(self._env.get_state()[0], frame.seq)
         self._page.server.report(self._status(obs, frame.seq), self._env.loop.pace or Pace(0.0, 1.0, 0, 0))
         return turn.action[None]
 
     def made_of(self, world: int) -> Mapping[str, Any]:
-        return {**self._pilot.made_of(world), "person_ticks": self._by_person}
+        return {**self._pilot.made_of(world), "person_ticks": self.by_person[self._env.loop.seed]}
 
     def objection(self, world: int) -> str:
         return self._pilot.objection(world)
@@ -154,6 +158,6 @@ class TakeOver:
             shared=True,
             practice=False,
             marks={},
-            person_steps=self._by_person,
+            person_steps=self.by_person[self._env.loop.seed],
             numbers=tuple(number for reading in self._readings for number in reading.numbers(row)),
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import getpass
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -85,12 +85,14 @@ class Flown:
     Attributes:
         collection: the recorded flights. timing: of all ticks. think_ticks: that the policy was given.
         troubles: seed -> ticks for which the robot hovered by itself, and why, of flights in which the guard objected.
+        by_person: seed -> ticks that who took over flew.
     """
 
     collection: Collection
     timing: Timing
     think_ticks: int
     troubles: dict[int, tuple[int, str]]
+    by_person: Mapping[int, int]
 
 
 def fly(settings: Fly) -> Flown:
@@ -119,7 +121,8 @@ def fly(settings: Fly) -> Flown:
         remember(flown, env.spec)
         if settings.land and flown.flights:
             land(link)
-    return Flown(flown, sum(env.loop.timings, Timing()), ticks, env.loop.troubles)
+    timing, by_person = sum(env.loop.timings, Timing()), getattr(flier, "by_person", {})
+    return Flown(flown, timing, ticks, env.loop.troubles, by_person)
 
 
 def _robot(settings: Fly, pilot: Any) -> Any:

@@ -25,6 +25,8 @@ def run(settings: Fly) -> None:
     _say_time(flown)
     for seed, (ticks, why) in flown.troubles.items():
         print(f"Seed {seed}: {why}; the robot hovered by itself for {ticks} ticks.")
+    for seed, ticks in flown.by_person.items():
+        print(f"Seed {seed}: who took over flew {ticks} ticks of it.")
 
 
 def _say_successes(flown: Flown) -> None:
