@@ -13,6 +13,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.pilot import LinkPilot
 from aerial_il.teleop.flight import CAMERAS, Site, about
+from aerial_il.teleop.input.frame import DeviceFrame
 from aerial_il.teleop.input.mapping import Bindings
 from aerial_il.teleop.piloting.arbiter import Arbiter, Flier, Turn, first_row
 from aerial_il.teleop.piloting.command import Command
@@ -57,8 +58,7 @@ class TakeOver:
         self._readings = readings_of(env.spec.observation)
         self._ticks, self.by_person = 0, Counter[int]()
         self._turn: Turn | None = None
-        self._arbiter: Arbiter | None = None
-        self._engaged()  # refuses a level that nobody can fly by hand
+        self._arbiter, self._engage = self._engaged(), True
 
     def __enter__(self) -> Self:
         self._page.__enter__()
@@ -89,28 +89,19 @@ class TakeOver:
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         self._pilot.begin(seeds, mask)
         del self.by_person[self._env.loop.seed]
-        self._arbiter = None
+        self._engage = True
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         self._pilot.reset(mask)
 
     def act(self, obs: Observation) -> np.ndarray:
         """Return the action (1, Da) of who flies; the robot hovers while something is wrong with it."""
-        if self._env.loop.trouble:
-            self._turn = None
-            self._arbiter = None
-            return self._pilot.act(obs)
-        if self._arbiter is None:
-            self._arbiter = self._engaged()
-            self._arbiter.engage(obs)
-            self._arbiter.pilot.engage(first_row(obs), self._env.loop.sent)
-        frame = self._page.inbox.frame()
-        self._turn = turn = self._arbiter.act(frame, obs)
+        loop, frame = self._env.loop, self._page.inbox.frame()
+        action = self._unflown(obs) if loop.trouble else self._shared(frame, obs)
         self._ticks += 1
-        self.by_person.update([self._env.loop.seed] if turn.flier is Flier.PERSON else [])
         self._page.film.show(self._env.get_state()[0], frame.seq)
-        self._page.server.report(self._status(obs, frame.seq), self._env.loop.pace or Pace(0.0, 1.0, 0, 0))
-        return turn.action[None]
+        self._page.server.report(self._status(obs, frame.seq), loop.pace or Pace(0.0, 1.0, 0, 0))
+        return action
 
     def made_of(self, world: int) -> Mapping[str, Any]:
         return {**self._pilot.made_of(world), "person_ticks": self.by_person[self._env.loop.seed]}
@@ -121,13 +112,25 @@ class TakeOver:
     def close(self) -> None:
         self._pilot.close()
 
+    def _unflown(self, obs: Observation) -> np.ndarray:
+        self._turn, self._engage = None, True
+        return self._pilot.act(obs)
+
+    def _shared(self, frame: DeviceFrame, obs: Observation) -> np.ndarray:
+        if self._engage:
+            self._arbiter, self._engage = self._engaged(), False
+            self._arbiter.engage(obs)
+            self._arbiter.pilot.engage(first_row(obs), self._env.loop.sent)
+        self._turn = turn = self._arbiter.act(frame, obs)
+        self.by_person.update([self._env.loop.seed] if turn.flier is Flier.PERSON else [])
+        return turn.action[None]
+
     def _engaged(self) -> Arbiter:
         hands = ManualPilot(self._env.spec, self._env.scenario.robot.vehicle, self._bindings)
         return Arbiter(hands, self._pilot)
 
     def _status(self, obs: Observation, seq: int) -> Status:
         """Return what the person is shown."""
-        assert self._arbiter is not None
         env, hands, row = self._env, self._arbiter.pilot, first_row(obs)
         command = hands.command or Command()
         told = env.loop.told
@@ -150,7 +153,7 @@ class TakeOver:
             steps=round(float(env.sim_time[0]) / env.spec.control_dt_s),
             speed=round(float(np.linalg.norm(command.linear)), 3),
             input_seq=seq,
-            message="The policy flies. Hold take-over to fly yourself.",
+            message=self._env.loop.trouble or "The policy flies. Hold take-over to fly yourself.",
             counts={},
             waiting=0,
             time_scale=1.0,

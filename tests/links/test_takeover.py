@@ -101,6 +101,26 @@ def test_without_anybody_on_the_page_the_robot_stays() -> None:
     assert np.linalg.norm(obs["ee_pos"] - start) < 0.03
 
 
+def test_what_the_guard_objects_to_is_said_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    person = Person()
+    env, shared = flight(person)
+    with shared:
+        shared.attach(env)
+        obs = env.reset(0)
+        shared.reset()
+        shared.begin(np.array([0]))
+        said: set[str] = set()
+        for tick in range(300):
+            if tick == 40:
+                monkeypatch.setattr(env.loop.link, "read", lambda stale=env.loop.reading: stale)
+            obs = env.step(shared.act(obs)).obs
+            said |= {each["message"][:22] for each in person.seen[-1:]}
+            if "no news of the robot f" in said:
+                break
+    env.close()
+    assert said == {"The policy flies. Hold", "no news of the robot f"}
+
+
 def test_a_robot_whose_time_waits_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"link\.clock=wall"):
         flight(Person(), clock="lockstep")
