@@ -93,9 +93,7 @@ class Gps:
 
 GPS = {
     "rtk": Gps(),
-    "standard": Gps(
-        rate_hz=5, noise=(0.2, 0.3), drift=(1.0, 1.5), drift_time_s=120.0, speed=(0.05, 0.1), fix_type=3
-    ),
+    "standard": Gps(rate_hz=5, noise=(0.2, 0.3), drift=(1.0, 1.5), drift_time_s=120.0, speed=(0.05, 0.1), fix_type=3),
 }
 
 
