@@ -10,100 +10,27 @@ from typing import Any
 
 import numpy as np
 
-from aerial_il.control import controller_state as layout
-from aerial_il.control.controller import Controller
-from aerial_il.control.vehicle import GRAVITY, Vehicle
+from aerial_il.control.vehicle import Vehicle
 from aerial_il.links.link import QUIET_S, LinkError, Mode
-from aerial_il.links.mavlink.channels import THRUST_CURVE, Channels, RotorLag
+from aerial_il.links.mavlink.channels import THRUST_CURVE, Channels
 from aerial_il.links.mavlink.commander import Commander
-from aerial_il.links.mavlink.estimator import Estimate, Estimator
-from aerial_il.links.mavlink.frames import Home, altitude_at, swap_attitude, swap_body, swap_world, yaw_of
-from aerial_il.links.mavlink.simulator import AUTOPILOT, MAG_FIELDS, PORT, STEP_US, joints_message, joints_of
+from aerial_il.links.mavlink.estimator import Estimator
+from aerial_il.links.mavlink.flight import Flight
+from aerial_il.links.mavlink.frames import Home, altitude_at, swap_body, swap_world
+from aerial_il.links.mavlink.protocol import (
+    AUTOPILOT,
+    BARO_FIELDS,
+    CLIENT_PORT,
+    MAG_FIELDS,
+    SIMULATOR_PORT,
+    joints_of,
+)
+from aerial_il.links.mavlink.telemetry import VehicleState, mode_messages, state_messages
 from aerial_il.links.mavlink.wire import PATIENCE_S, HungUpError, Wire, accept, connect, datagrams, dialect, listen
 from aerial_il.suite.timing import PHYSICS_DT_S, SUBSTEPS
 
-CLIENT_PORT = 14540  # PX4's for offboard clients
-BARO_FIELD = 0x200
-STAND_EVERY = 10  # samples between two reminders that it does not move
-SPIN_UP_S, SPIN_UP_SHARE = 0.3, 0.8  # before it takes off: share of the weight
-LEVELS = ("base_joint", "velocity", "ctbr")
-HEARTBEAT_EVERY = 250  # samples
-
-
-class Flight:
-    """Our flight controller at several levels, between which it changes in the air.
-
-    Args:
-        vehicle: nominal model. law: name of the flight law.
-    """
-
-    def __init__(self, vehicle: Vehicle, law: str = "geometric_observer") -> None:
-        self._vehicle, self._lag = vehicle, RotorLag(vehicle, PHYSICS_DT_S)
-        self._controllers = {level: Controller(vehicle, level=level, law=law) for level in LEVELS}
-        self._hover = vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
-        self.stop()
-        now = Estimate(np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3))
-        for level in LEVELS:  # compiled before time counts
-            self.fly(level, np.zeros(4), now, vehicle.rest_down, 1.0, vehicle.rest_down, np.zeros(vehicle.num_joints))
-        self.stop()
-
-    def stop(self) -> None:
-        """Forget the flight."""
-        for controller in self._controllers.values():
-            controller.reset()
-        self._level, self._spinning = "base_joint", round(SPIN_UP_S / PHYSICS_DT_S)
-        self._lag.thrust = np.zeros(self._vehicle.num_rotors)
-
-    @property
-    def joints(self) -> np.ndarray:
-        """(J,) set points of the servos, rad."""
-        first = layout.JOINT_CMD
-        return self._controllers[self._level].state[first : first + self._vehicle.num_joints]
-
-    def fly(
-        self,
-        level: str,
-        base: np.ndarray,
-        now: Estimate,
-        posture: np.ndarray,
-        opening: float,
-        joints: np.ndarray,
-        speeds: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return thrusts (R,) N and joint set points (J,) rad for the next 4 ms.
-
-        Args:
-            level: of ``LEVELS``. base: (4,) what it asks of the base. now: the estimate.
-            posture, opening: set points of arm and gripper. joints, speeds: (J,) of the arm, as measured.
-        """
-        if self._spinning:
-            self._spinning -= 1
-            thrust, held = SPIN_UP_SHARE * self._hover, joints
-        else:
-            self._change(level, now)
-            controller = self._controllers[level]
-            arm = self._rates_to(posture) if level == "velocity" else posture
-            action = np.array([*base, *arm, *([opening] if self._vehicle.gripper_stroke else [])])
-            qpos = np.concatenate([now.pos, now.quat, joints])
-            qvel = np.concatenate([now.vel, now.angvel, speeds])
-            thrust, _ = controller.update(action, qpos, qvel, self._lag.thrust)
-            held = self.joints
-        self._lag.follow(thrust)
-        return thrust, held
-
-    def _rates_to(self, posture: np.ndarray) -> np.ndarray:
-        speed = self._vehicle.joint_speed
-        return np.clip((posture - self.joints) / (PHYSICS_DT_S * SUBSTEPS), -speed, speed)
-
-    def _change(self, level: str, now: Estimate) -> None:
-        """Go on at another level, the base's reference where the base is."""
-        if level == self._level:
-            return
-        state = self._controllers[level].state
-        state[:] = self._controllers[self._level].state
-        state[layout.BASE_POS : layout.BASE_POS + 3], state[layout.BASE_YAW] = now.pos, yaw_of(now.quat)
-        state[layout.BASE_VEL : layout.BASE_VEL + 3], state[layout.BASE_YAW_RATE] = now.vel, 0.0
-        self._level = level
+STEP_US = round(1e6 * PHYSICS_DT_S)
+STAND_EVERY, HEARTBEAT_EVERY = 10, 250  # samples
 
 
 class Autopilot:
@@ -126,7 +53,7 @@ class Autopilot:
         self,
         vehicle: Vehicle,
         *,
-        simulator: tuple[str, int] = ("127.0.0.1", PORT),
+        simulator: tuple[str, int] = ("127.0.0.1", SIMULATOR_PORT),
         client: tuple[str, int] = ("127.0.0.1", CLIENT_PORT),
         lockstep: bool = False,
         law: str = "geometric_observer",
@@ -207,7 +134,7 @@ class Autopilot:
         estimator.predict(accel, swap_body(np.array([message.xgyro, message.ygyro, message.zgyro])))
         if message.fields_updated & MAG_FIELDS:
             estimator.see_field(swap_body(np.array([message.xmag, message.ymag, message.zmag])))
-        if message.fields_updated & BARO_FIELD:
+        if message.fields_updated & BARO_FIELDS:
             estimator.see_height(altitude_at(100.0 * message.abs_pressure) - self.home.alt_m)
         if self.commander.mode is Mode.STANDING and self._samples % STAND_EVERY == 0:
             estimator.stand()
@@ -244,37 +171,12 @@ class Autopilot:
                 self._client.send(*answers)
 
     def _telemetry(self) -> list[Any]:
-        common, commander, now = dialect(), self.commander, self.estimator.estimate
-        ms = self._time_us // 1000
-        messages = []
-        if (state := (commander.mode, commander.armed)) != self._told or self._samples % HEARTBEAT_EVERY == 0:
-            self._told = state
-            messages += self._heartbeat()
-        pos, vel = swap_world(now.pos), swap_world(now.vel)
-        return [
-            *messages,
-            common.MAVLink_local_position_ned_message(ms, *map(float, [*pos, *vel])),
-            common.MAVLink_attitude_quaternion_message(
-                ms, *map(float, [*swap_attitude(now.quat), *swap_body(now.angvel)])
-            ),
-            joints_message(self._time_us, np.array([*self._joints, *self._speeds, self._opening])),
-            common.MAVLink_timesync_message(0, 1000 * self._time_us),  # asks for an answer
-        ]
-
-    def _heartbeat(self) -> list[Any]:
-        common, commander = dialect(), self.commander
-        base = common.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        base |= common.MAV_MODE_FLAG_SAFETY_ARMED if commander.armed else 0
-        status = common.MAV_STATE_STANDBY if commander.mode is Mode.STANDING else common.MAV_STATE_ACTIVE
-        landed = {
-            Mode.STANDING: common.MAV_LANDED_STATE_ON_GROUND,
-            Mode.TAKING_OFF: common.MAV_LANDED_STATE_TAKEOFF,
-            Mode.LANDING: common.MAV_LANDED_STATE_LANDING,
-        }.get(commander.mode, common.MAV_LANDED_STATE_IN_AIR)
-        kind = common.MAV_TYPE_HEXAROTOR if self._channels.rotors == 6 else common.MAV_TYPE_QUADROTOR
-        return [
-            common.MAVLink_heartbeat_message(
-                kind, common.MAV_AUTOPILOT_GENERIC, base, commander.custom_mode, status, 3
-            ),
-            common.MAVLink_extended_sys_state_message(common.MAV_VTOL_STATE_UNDEFINED, landed),
-        ]
+        commander, now = self.commander, self.estimator.estimate
+        arm = self._joints, self._speeds, self._opening
+        stands = now.pos, now.vel, now.quat, now.angvel, *arm, commander.armed, commander.mode
+        state = VehicleState(1e-6 * self._time_us, *stands)
+        modes = mode_messages(state, self._channels.rotors)
+        new, self._told = (state.mode, state.armed) != self._told, (state.mode, state.armed)
+        question = dialect().MAVLink_timesync_message(0, 1000 * self._time_us)
+        beat = modes if new or self._samples % HEARTBEAT_EVERY == 0 else []
+        return [*beat, *state_messages(state), question]

@@ -14,17 +14,11 @@ from aerial_il.control.vehicle import Vehicle
 from aerial_il.links.link import QUIET_S, Mode
 from aerial_il.links.mavlink.channels import Channels
 from aerial_il.links.mavlink.estimator import Estimate
-from aerial_il.links.mavlink.frames import Home, swap_body, swap_world, swap_yaw, yaw_of
+from aerial_il.links.mavlink.frames import Home, yaw_of
+from aerial_il.links.mavlink.protocol import AUTO, LOITER, OFFBOARD
+from aerial_il.links.mavlink.setpoints import PER_MESSAGE, Wanted, read_setpoint
 from aerial_il.links.mavlink.wire import dialect
 from aerial_il.links.robot import ABOVE_M, ARRIVED_M, HIGHEST_M, IN_CRADLE_M, SLOW_M_S, TAKE_OFF_M
-
-OFFBOARD, AUTO, LOITER = 6, 4, 3  # PX4's custom modes: main modes, and a sub-mode of AUTO
-NO_POSITION, NO_VELOCITY, NO_YAW, NO_YAW_RATE = 0x7, 0x38, 0x400, 0x800  # of SET_POSITION_TARGET_LOCAL_NED
-LOCAL_NED = 1
-NO_RATES, NO_THRUST = 0x7, 0x40  # of SET_ATTITUDE_TARGET
-PER_MESSAGE = 6  # actuators in a MAV_CMD_DO_SET_ACTUATOR
-
-Wanted = tuple[str, np.ndarray]  # level, and the base's four numbers at that level
 
 
 class Commander:
@@ -49,11 +43,6 @@ class Commander:
         self._cradle: tuple[np.ndarray, float, np.ndarray] | None = None
         self._target = np.zeros(4)
 
-    @property
-    def custom_mode(self) -> int:
-        """PX4's word for the mode, as HEARTBEAT has it."""
-        return OFFBOARD << 16 if self.mode is Mode.FLYING else AUTO << 16 | LOITER << 24
-
     def know(self, time_s: float, estimate: Estimate, joints: np.ndarray, opening: float) -> None:
         """Take note of the time and of how the vehicle stands."""
         self._time_s, self._now = time_s, estimate
@@ -66,7 +55,7 @@ class Commander:
         if name == "COMMAND_LONG":
             return self._obey_command(message)
         if name in ("SET_POSITION_TARGET_LOCAL_NED", "SET_ATTITUDE_TARGET"):
-            problem = self._follow(message, name)
+            problem = self._follow(message)
             return [_text(f"Set point refused: {problem}")] if problem else []
         return []
 
@@ -168,36 +157,14 @@ class Commander:
         self.opening = 1.0 if numbers[1] == dialect().GRIPPER_ACTION_RELEASE else 0.0
         return ""
 
-    def _follow(self, message: Any, name: str) -> str:
+    def _follow(self, message: Any) -> str:
         """Take note of a set point; return why it is refused, or nothing."""
         if self._now is None:
             return "the estimator has not begun yet."
-        read = self._of_position if name == "SET_POSITION_TARGET_LOCAL_NED" else self._of_rates
-        level, numbers = read(message, self._now)
-        if not level:
-            return "its frame or mask is none that is flown here."
-        if not np.isfinite(numbers).all():
-            return "a number is not finite."
-        self._setpoint, self._heard_s = (level, numbers), self._time_s
-        return ""
-
-    def _of_position(self, message: Any, now: Estimate) -> Wanted:
-        mask = message.type_mask
-        if message.coordinate_frame != LOCAL_NED:
-            return "", np.zeros(4)
-        if not mask & NO_POSITION:
-            yaw = yaw_of(now.quat) if mask & NO_YAW else swap_yaw(message.yaw) if math.isfinite(message.yaw) else np.nan
-            return "base_joint", np.array([*swap_world(np.array([message.x, message.y, message.z])), yaw])
-        if not mask & NO_VELOCITY:
-            rate = 0.0 if mask & NO_YAW_RATE else -message.yaw_rate
-            return "velocity", np.array([*swap_world(np.array([message.vx, message.vy, message.vz])), rate])
-        return "", np.zeros(4)
-
-    def _of_rates(self, message: Any, now: Estimate) -> Wanted:
-        if message.type_mask & (NO_RATES | NO_THRUST):
-            return "", np.zeros(4)
-        rates = swap_body(np.array([message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate]))
-        return "ctbr", np.array([self._lift * message.thrust, *rates])
+        wanted, problem = read_setpoint(message, yaw_of(self._now.quat), self._lift)
+        if wanted is not None:
+            self._setpoint, self._heard_s = wanted, self._time_s
+        return problem
 
     def _hold(self, now: Estimate) -> None:
         self.mode, self._setpoint = Mode.HOLDING, None

@@ -1,8 +1,6 @@
 """The suite as the simulator that a PX4 in SITL expects: a TCP server, in lockstep with the autopilot.
 
-Each 4 ms it sends HIL_SENSOR, and HIL_GPS when a fix is due, then waits for HIL_ACTUATOR_CONTROLS. Joint encoders go out
-as DEBUG_FLOAT_ARRAY ``joints``: no message of the common set is made for arms, this one carries named numbers, and an
-autopilot that does not know it passes it over.
+Each 4 ms it sends HIL_SENSOR, and HIL_GPS when a fix is due, then waits for HIL_ACTUATOR_CONTROLS.
 
 No PX4 has been run with it, only the stand-in of :mod:`aerial_il.links.mavlink.autopilot`.
 """
@@ -10,6 +8,7 @@ No PX4 has been run with it, only the stand-in of :mod:`aerial_il.links.mavlink.
 from __future__ import annotations
 
 import logging
+import threading
 from typing import Any
 
 import numpy as np
@@ -17,18 +16,23 @@ import numpy as np
 from aerial_il.links.link import LinkError
 from aerial_il.links.mavlink.channels import CHANNELS
 from aerial_il.links.mavlink.frames import altitude_at, swap_attitude, swap_body, swap_world
+from aerial_il.links.mavlink.protocol import (
+    BARO_FIELDS,
+    IMU_FIELDS,
+    MAG_FIELDS,
+    SIMULATOR,
+    SIMULATOR_PORT,
+    joints_message,
+)
 from aerial_il.links.mavlink.sensors import Fix, Sensed, Sensors
 from aerial_il.links.mavlink.wire import PATIENCE_S, HungUpError, Wire, accept, dialect, listen
 from aerial_il.links.mavlink.world import CradledWorld
 from aerial_il.suite.timing import PHYSICS_DT_S
 from aerial_il.teleop.session.clock import Metronome
 
-PORT = 4560
 START_US = 10_000_000  # of its clock
 STEP_US = round(1e6 * PHYSICS_DT_S)
-IMU_FIELDS, MAG_FIELDS, BARO_FIELDS = 0x3F, 0x1C0, 0x1A00  # of HIL_SENSOR.fields_updated
 ROOM_C = 20.0
-SIMULATOR, AUTOPILOT = (1, 200), (1, 1)  # system and component
 
 log = logging.getLogger(__name__)
 
@@ -43,7 +47,7 @@ class Simulator:
             waited for as all others are, and equal flights are equal bit for bit. patience_s: with an answer.
 
     Attributes:
-        port: where it listens. steps: of 4 ms, since the start.
+        port: where it listens. steps: of 4 ms, since the start. ended: set it to end :meth:`run`.
 
     Raises:
         LinkError: the port is in use.
@@ -55,7 +59,7 @@ class Simulator:
         sensors: Sensors | None = None,
         *,
         host: str = "127.0.0.1",
-        port: int = PORT,
+        port: int = SIMULATOR_PORT,
         truth: bool = False,
         speed: float = 0.0,
         boot: bool = False,
@@ -71,14 +75,15 @@ class Simulator:
         self._wire: Wire | None = None
         self._controls, self._armed, self._answered_us = np.zeros(CHANNELS), False, 0
         self.steps = 0
+        self.ended = threading.Event()
 
     @property
     def time_us(self) -> int:
         """Its clock."""
         return START_US + self.steps * STEP_US
 
-    def run(self, steps: int | None = None) -> None:
-        """Wait for the autopilot and fly until it hangs up, or for some steps.
+    def run(self) -> None:
+        """Wait for the autopilot and fly until it hangs up, or :attr:`ended` is set.
 
         Raises:
             LinkError: nobody connects, or the autopilot falls silent or lets its clock jump back.
@@ -86,7 +91,7 @@ class Simulator:
         self._wire = self._wire or Wire(
             accept(self._server, "The autopilot", self._patience_s), *SIMULATOR, "The autopilot", self._patience_s
         )
-        while steps is None or self.steps < steps:
+        while not self.ended.is_set():
             try:
                 self.step()
             except HungUpError:
@@ -131,7 +136,8 @@ class Simulator:
         self._armed = bool(message.mode & dialect().MAV_MODE_FLAG_SAFETY_ARMED)
 
     def _messages(self, sensed: Sensed) -> list[Any]:
-        messages = [self._encoders()]
+        world = self.world
+        messages = [joints_message(self.time_us, world.joints, world.joint_speeds, world.opening)]
         if sensed.fix is not None:
             messages.append(self._fix(sensed.fix))
         if self._truth:
@@ -169,22 +175,3 @@ class Simulator:
             self.time_us, swap_attitude(motion.quat).tolist(), *map(float, swap_body(motion.angvel)), *where, *velocity,
             0, 0, *(max(-32768, min(32767, each)) for each in felt),
         )  # fmt: skip
-
-    def _encoders(self) -> Any:
-        world = self.world
-        return joints_message(self.time_us, np.array([*world.joints, *world.joint_speeds, world.opening]))
-
-
-def joints_message(time_us: int, numbers: np.ndarray) -> Any:
-    """DEBUG_FLOAT_ARRAY ``joints``: positions (J,) rad, speeds (J,) rad/s, opening of the gripper in [0, 1]."""
-    return dialect().MAVLink_debug_float_array_message(
-        time_us, b"joints", 0, [*map(float, numbers), *[0.0] * (58 - numbers.size)]
-    )
-
-
-def joints_of(message: Any, count: int) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Positions (J,), speeds (J,) and opening of a message, or None of another."""
-    if message.get_type() != "DEBUG_FLOAT_ARRAY" or message.name != "joints":
-        return None
-    numbers = np.array(message.data)
-    return numbers[:count], numbers[count : 2 * count], float(numbers[2 * count])

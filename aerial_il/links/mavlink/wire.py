@@ -6,7 +6,7 @@ import os
 import select
 import socket
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
 
@@ -100,12 +100,12 @@ class Wire:
             self._take()
         return self._inbox.popleft()
 
-    def wait_for(self, name: str) -> Iterator[Any]:
-        """Yield messages until one called ``name`` has come, which is the last."""
+    def wait_for(self, name: str, fits: Callable[[Any], bool] = lambda message: True) -> Iterator[Any]:
+        """Yield messages until one called ``name`` that fits has come, which is the last."""
         while True:
             message = self.receive()
             yield message
-            if message.get_type() == name:
+            if message.get_type() == name and fits(message):
                 return
 
     def close(self) -> None:
