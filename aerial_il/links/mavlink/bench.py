@@ -47,8 +47,8 @@ class Bench:
         self.simulator = Simulator(
             self.world, Sensors(gps, seed=seed), port=simulator_port, speed=pace, boot=boot, truth=True
         )
-        where = {"simulator": ("127.0.0.1", self.simulator.port), "client": ("127.0.0.1", port)}
-        self.autopilot = Autopilot(robots.get(robot).vehicle, lockstep=lockstep, **where)
+        there, client = ("127.0.0.1", self.simulator.port), ("127.0.0.1", port)
+        self.autopilot = Autopilot(robots.get(robot).vehicle, simulator=there, client=client, lockstep=lockstep)
         self.error: BaseException | None = None
         self._threads = [
             threading.Thread(target=self._guard, args=(end.run,), name=type(end).__name__, daemon=True)

@@ -159,10 +159,11 @@ class OffboardClient:
         common = dialect()
         self._reader.text = ""
         self._wire.send(command_message(name, *numbers))
-        for message in self._wire.wait_for("COMMAND_ACK", lambda ack: ack.command == getattr(common, name)):
+        *before, answer = self._wire.wait_for("COMMAND_ACK", lambda ack: ack.command == getattr(common, name))
+        for message in before:
             self._reader.take(message)
-        if message.result != common.MAV_RESULT_ACCEPTED:
-            result = common.enums["MAV_RESULT"][message.result].name
+        if answer.result != common.MAV_RESULT_ACCEPTED:
+            result = common.enums["MAV_RESULT"][answer.result].name
             raise RefusedError(f"The autopilot answers {name} with {result}. {self._reader.text}".rstrip())
 
     def close(self) -> None:
@@ -179,9 +180,16 @@ class OffboardClient:
         self._wait(lambda state: state.mode is Mode.HOLDING, f"take off by {height_m:g} m")
 
     def go_to(self, pos: Sequence[float], heading: float | None = None, *, timeout_s: float = TIMEOUT_S) -> None:
-        """Fly to a position (3,) m, with a heading in rad (None: as it is), until it is there and slow."""
+        """Fly to a position (3,) m, with a heading in rad (None: as it is), until it is there and slow.
+
+        Raises:
+            RefusedError: the position is out of bounds. LinkError: it does not arrive in time.
+        """
         target, yaw = np.asarray(pos, float), self.state.heading if heading is None else heading
-        action = self._action([*target, yaw], self._joints)
+        spec = self._specs["base_joint"]
+        if not ((spec.low[:3] <= target) & (target <= spec.high[:3])).all():
+            raise RefusedError(f"It flies from {spec.low[:3].tolist()} to {spec.high[:3].tolist()} m, not to {target}.")
+        action = self._action([*target, math.remainder(yaw, 2.0 * math.pi)], self._joints)
 
         def there(state: VehicleState) -> bool:
             turned = abs(math.remainder(state.heading - yaw, 2.0 * math.pi)) < WITHIN_RAD

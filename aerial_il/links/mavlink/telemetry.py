@@ -114,10 +114,10 @@ class Reader:
         stamp, before = 1e-3 * local.time_boot_ms, -math.inf if self.state is None else self.state.stamp
         if stamp < before - self._late_s:
             raise LinkError(f"The autopilot's clock jumped back, from {before:.3f} to {stamp:.3f} s.")
-        parts = [self._parts.get(name) for name in ("HEARTBEAT", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION")]
-        if stamp <= before or self._arm is None or None in parts:
+        needed = ("HEARTBEAT", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION")
+        if stamp <= before or self._arm is None or not all(name in self._parts for name in needed):
             return
-        beat, landed, turned = parts
+        beat, landed, turned = (self._parts[name] for name in needed)
         offboard = beat.custom_mode >> 16 & 0xFF == OFFBOARD
         joints, speeds, opening = self._arm
         self.state = VehicleState(

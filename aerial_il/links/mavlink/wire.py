@@ -8,6 +8,7 @@ import socket
 from collections import deque
 from collections.abc import Callable, Iterator
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
@@ -30,12 +31,11 @@ def dialect() -> Any:
     """
     os.environ.setdefault("MAVLINK20", "1")
     try:
-        from pymavlink.dialects.v20 import common
+        return import_module("pymavlink.dialects.v20.common")
     except ImportError as error:
         raise InvalidValueError(
             "MAVLink needs pymavlink, which is not installed: pip install 'aerial_il[mavlink]'"
         ) from error
-    return common
 
 
 class Wire:
