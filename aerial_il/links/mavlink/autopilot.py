@@ -16,7 +16,7 @@ from aerial_il.links.mavlink.channels import THRUST_CURVE, Channels
 from aerial_il.links.mavlink.commander import Commander
 from aerial_il.links.mavlink.estimator import Estimator
 from aerial_il.links.mavlink.flight import Flight
-from aerial_il.links.mavlink.frames import Home, altitude_at, swap_body, swap_world
+from aerial_il.links.mavlink.frames import Home, altitude_at, swap_body, swap_world, swap_yaw
 from aerial_il.links.mavlink.protocol import (
     AUTOPILOT,
     BARO_FIELDS,
@@ -26,7 +26,17 @@ from aerial_il.links.mavlink.protocol import (
     joints_of,
 )
 from aerial_il.links.mavlink.telemetry import VehicleState, mode_messages, state_messages
-from aerial_il.links.mavlink.wire import PATIENCE_S, HungUpError, Wire, accept, connect, datagrams, dialect, listen
+from aerial_il.links.mavlink.wire import (
+    PATIENCE_S,
+    HungUpError,
+    Wire,
+    accept,
+    connect,
+    datagrams,
+    dialect,
+    listen,
+    shut,
+)
 from aerial_il.suite.timing import PHYSICS_DT_S, SUBSTEPS
 
 STEP_US = round(1e6 * PHYSICS_DT_S)
@@ -95,6 +105,13 @@ class Autopilot:
         finally:
             self.close()
 
+    def hang_up(self) -> None:
+        """Let :meth:`run` end wherever it waits; for another thread."""
+        shut(self._server)
+        for end in (self._wire, self._client):
+            if end is not None:
+                end.hang_up()
+
     def close(self) -> None:
         """Hang up at both ends."""
         for end in (self._wire, self._client, self._server):
@@ -118,6 +135,9 @@ class Autopilot:
             pos = self.home.local(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt)
             vel = swap_world(0.01 * np.array([message.vn, message.ve, message.vd]))
             self.estimator.see_fix(pos, vel, 0.01 * np.array([message.eph, message.eph, message.epv]))
+        elif name == "VISION_POSITION_ESTIMATE":
+            pos = swap_world(np.array([message.x, message.y, message.z]))
+            self.estimator.see_pose(pos, swap_yaw(message.yaw))
         elif name == "HIL_SENSOR":
             self._feel(message)
 

@@ -17,9 +17,10 @@ class Bench:
     """What an offboard client flies where there is no vehicle.
 
     Args:
-        robot, task, tier, seed: of the episode. gps: grade of the receiver. port: for the client, see
-            :class:`Autopilot`. simulator_port: between the two; 0 for a free one. lockstep: time waits for the client.
-        speed: of time against the wall's, see :class:`Simulator`.
+        robot, task, tier, seed: of the episode. place: what tells the position, see :class:`Sensors`.
+        port: for the client, see :class:`Autopilot`. simulator_port: between the two; 0 for a free one.
+        lockstep: time waits for the client. speed: of time against the wall's, where it does not. boot: see
+            :class:`Simulator`.
 
     Attributes:
         world, simulator, autopilot: what runs. error: what went wrong on its threads.
@@ -35,7 +36,7 @@ class Bench:
         tier: str = "calm",
         *,
         seed: int = 0,
-        gps: str = "rtk",
+        place: str = "rtk",
         port: int = CLIENT_PORT,
         simulator_port: int = 0,
         lockstep: bool = False,
@@ -45,10 +46,11 @@ class Bench:
         self.world = CradledWorld(robot, task, tier, seed=seed)
         pace = 0.0 if lockstep else speed
         self.simulator = Simulator(
-            self.world, Sensors(gps, seed=seed), port=simulator_port, speed=pace, boot=boot, truth=True
+            self.world, Sensors(place, seed=seed), port=simulator_port, speed=pace, boot=boot, truth=True
         )
         there, client = ("127.0.0.1", self.simulator.port), ("127.0.0.1", port)
         self.autopilot = Autopilot(robots.get(robot).vehicle, simulator=there, client=client, lockstep=lockstep)
+        self._closing = False
         self.error: BaseException | None = None
         self._threads = [
             threading.Thread(target=self._guard, args=(end.run,), name=type(end).__name__, daemon=True)
@@ -68,7 +70,9 @@ class Bench:
         Raises:
             BaseException: what went wrong on their threads.
         """
-        self.simulator.ended.set()
+        self._closing = True
+        self.autopilot.hang_up()
+        self.simulator.hang_up()
         for thread in self._threads:
             thread.join()
         if self.error is not None:
@@ -78,7 +82,7 @@ class Bench:
         try:
             run()
         except BaseException as error:  # whoever closes the bench hears of it
-            self.error = self.error or error
+            self.error = self.error or (None if self._closing else error)
         finally:
             if run == self.simulator.run:
                 self.simulator.close()

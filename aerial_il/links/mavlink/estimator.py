@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.links.mavlink.frames import exponential, matrix, multiply
+from aerial_il.links.mavlink.frames import exponential, matrix, multiply, yaw_of
 
 P, V, A, BA, BG = (slice(k, k + 3) for k in range(0, 15, 3))
 SIZE = 15
@@ -36,7 +36,8 @@ class Tuning:
         accel_walk, gyro_walk: of the biases, per s, per √Hz. accel_bias, gyro_bias: at the start.
         heading: rad, of the magnetometer's. height: m, of the barometer's. fix_floor: m, the least of a fix.
         speed: m/s, of a fix. still_speed, still_rate: at rest, m/s and rad/s.
-        gps_delay_s, baro_delay_s: how late they come.
+        pose, turn: m and rad, of motion capture's poses.
+        gps_delay_s, baro_delay_s, pose_delay_s: how late they come.
     """
 
     accel: float = 0.01
@@ -51,8 +52,11 @@ class Tuning:
     speed: float = 0.08
     still_speed: float = 0.01
     still_rate: float = 5.0e-3
+    pose: float = 2.0e-3
+    turn: float = 5.0e-3
     gps_delay_s: float = 0.1
     baro_delay_s: float = 0.04
+    pose_delay_s: float = 0.02
 
 
 @dataclass(frozen=True)
@@ -85,7 +89,7 @@ class Estimator:
         self._accel_bias, self._gyro_bias, self._rate = np.zeros(3), np.zeros(3), np.zeros(3)
         self._rot, self._force = np.eye(3), -DOWN
         self.covariance = np.zeros((SIZE, SIZE))
-        longest = max(self.tuning.gps_delay_s, self.tuning.baro_delay_s)
+        longest = max(self.tuning.gps_delay_s, self.tuning.baro_delay_s, self.tuning.pose_delay_s)
         self._past: deque[np.ndarray] = deque(maxlen=1 + round(longest / dt))  # (2, 3) position and velocity, each
         noise = self.tuning
         walks = np.repeat([0.0, noise.accel, noise.gyro, noise.accel_walk, noise.gyro_walk], 3)
@@ -130,6 +134,18 @@ class Estimator:
         seen[3:, A] = delay * self._rot @ _skew(self._force)
         deviations = [*np.maximum(spread, self.tuning.fix_floor), *[self.tuning.speed] * 3]
         self._correct(seen, np.concatenate([pos, vel]) - past.ravel(), np.array(deviations))
+
+    def see_pose(self, pos: np.ndarray, heading: float) -> None:
+        """Take a pose of motion capture: position (3,) m, and of its attitude the heading, rad."""
+        self._fix = pos
+        if not self.ready:
+            return
+        past, delay = self._then(self.tuning.pose_delay_s)
+        seen = np.zeros((4, SIZE))
+        seen[:3, P], seen[:3, V], seen[3, A] = EYE, -delay * EYE, self._rot[2]
+        before = yaw_of(self._quat) - delay * float(self._rot[2] @ self._rate)
+        wrong = [*(pos - past[0]), math.remainder(heading - before, 2.0 * math.pi)]
+        self._correct(seen, np.array(wrong), np.array([*[self.tuning.pose] * 3, self.tuning.turn]))
 
     def see_height(self, height: float) -> None:
         """Take the barometer's height above the origin, m."""

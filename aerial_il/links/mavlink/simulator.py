@@ -1,6 +1,7 @@
 """The suite as the simulator that a PX4 in SITL expects: a TCP server, in lockstep with the autopilot.
 
-Each 4 ms it sends HIL_SENSOR, and HIL_GPS when a fix is due, then waits for HIL_ACTUATOR_CONTROLS.
+Each 4 ms it sends HIL_SENSOR, and HIL_GPS or VISION_POSITION_ESTIMATE when one is due, then waits for
+HIL_ACTUATOR_CONTROLS. ``DEBUG_FLOAT_ARRAY`` carries the arm's encoders, see :mod:`aerial_il.links.mavlink.protocol`.
 
 No PX4 has been run with it, only the stand-in of :mod:`aerial_il.links.mavlink.autopilot`.
 """
@@ -8,6 +9,7 @@ No PX4 has been run with it, only the stand-in of :mod:`aerial_il.links.mavlink.
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from typing import Any
 
@@ -15,7 +17,7 @@ import numpy as np
 
 from aerial_il.links.link import LinkError
 from aerial_il.links.mavlink.channels import CHANNELS
-from aerial_il.links.mavlink.frames import altitude_at, swap_attitude, swap_body, swap_world
+from aerial_il.links.mavlink.frames import altitude_at, matrix, swap_attitude, swap_body, swap_world
 from aerial_il.links.mavlink.protocol import (
     BARO_FIELDS,
     IMU_FIELDS,
@@ -24,8 +26,8 @@ from aerial_il.links.mavlink.protocol import (
     SIMULATOR_PORT,
     joints_message,
 )
-from aerial_il.links.mavlink.sensors import Fix, Sensed, Sensors
-from aerial_il.links.mavlink.wire import PATIENCE_S, HungUpError, Wire, accept, dialect, listen
+from aerial_il.links.mavlink.sensors import Fix, Gps, Pose, Sensed, Sensors
+from aerial_il.links.mavlink.wire import PATIENCE_S, HungUpError, Wire, accept, dialect, listen, shut
 from aerial_il.links.mavlink.world import CradledWorld
 from aerial_il.suite.timing import PHYSICS_DT_S
 from aerial_il.teleop.session.clock import Metronome
@@ -108,6 +110,13 @@ class Simulator:
         if self._metronome:
             self._metronome.wait()
 
+    def hang_up(self) -> None:
+        """Let :meth:`run` end wherever it waits; for another thread."""
+        self.ended.set()
+        shut(self._server)
+        if self._wire:
+            self._wire.hang_up()
+
     def close(self) -> None:
         """Hang up, and free the port and the world."""
         if self._wire:
@@ -138,8 +147,10 @@ class Simulator:
     def _messages(self, sensed: Sensed) -> list[Any]:
         world = self.world
         messages = [joints_message(self.time_us, world.joints, world.joint_speeds, world.opening)]
-        if sensed.fix is not None:
-            messages.append(self._fix(sensed.fix))
+        if sensed.fix is not None and self.sensors.gps is not None:
+            messages.append(self._fix(sensed.fix, self.sensors.gps))
+        if sensed.pose is not None:
+            messages.append(self._pose(sensed.pose))
         if self._truth:
             messages.append(self._true_state())
         return [*messages, self._sensor(sensed)]
@@ -153,9 +164,18 @@ class Simulator:
         values = [*sensed.accel, *sensed.gyro, *mag, 0.01 * pressure, 0.0, altitude, ROOM_C]
         return dialect().MAVLink_hil_sensor_message(self.time_us, *map(float, values), fields, 0)
 
-    def _fix(self, fix: Fix) -> Any:
+    def _pose(self, pose: Pose) -> Any:
+        """VISION_POSITION_ESTIMATE: position, and roll, pitch and yaw of forward-right-down in north-east-down."""
+        north, east, down = map(float, swap_world(pose.pos))
+        rot = matrix(swap_attitude(pose.quat))
+        roll, pitch = math.atan2(rot[2, 1], rot[2, 2]), -math.asin(max(-1.0, min(1.0, float(rot[2, 0]))))
+        angles = roll, pitch, math.atan2(rot[1, 0], rot[0, 0])
+        return dialect().MAVLink_vision_position_estimate_message(
+            self.time_us, north, east, down, *angles, [math.nan] * 21
+        )
+
+    def _fix(self, fix: Fix, gps: Gps) -> Any:
         lat, lon, alt = self.sensors.home.geodetic(fix.pos)
-        gps = self.sensors.gps
         eph, epv = (round(100.0 * np.hypot(noise, drift)) for noise, drift in zip(gps.noise, gps.drift, strict=True))
         north, east, down = (round(100.0 * float(v)) for v in swap_world(fix.vel))
         speed = round(float(np.hypot(north, east)))

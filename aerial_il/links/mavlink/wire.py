@@ -7,6 +7,7 @@ import select
 import socket
 from collections import deque
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -108,6 +109,10 @@ class Wire:
             if message.get_type() == name and fits(message):
                 return
 
+    def hang_up(self) -> None:
+        """End the connection while another thread may wait at it."""
+        shut(self._socket if self._stream else None)
+
     def close(self) -> None:
         """Hang up."""
         self._socket.close()
@@ -137,6 +142,13 @@ class Wire:
 
     def _gone(self) -> HungUpError:
         return HungUpError(f"{self.peer} has hung up.")
+
+
+def shut(opened: socket.socket | None) -> None:
+    """Let whoever waits at a TCP socket hear that it is over."""
+    if opened is not None:
+        with suppress(OSError):
+            opened.shutdown(socket.SHUT_RDWR)
 
 
 def listen(host: str, port: int) -> socket.socket:

@@ -286,6 +286,17 @@ def test_a_client_that_hangs_up_ends_the_flight(fly: Fly) -> None:
     assert bench.error is None
 
 
+def test_a_bench_closes_while_its_client_waits(fly: Fly) -> None:
+    bench, client = fly()
+    bench.close()
+    with pytest.raises(LinkError, match="hung up"):
+        client.command("MAV_CMD_NAV_LAND")
+
+
+def test_a_bench_closes_before_a_client_comes() -> None:
+    Bench(port=0, lockstep=True).close()
+
+
 @pytest.mark.parametrize("robot", ["ua_quad_arm4", "big_four_z1", "fa_hexa_arm4"])
 def test_controls_mean_the_same_at_both_ends(robot: str) -> None:
     vehicle = robots.get(robot).vehicle
@@ -299,7 +310,7 @@ def test_controls_mean_the_same_at_both_ends(robot: str) -> None:
 
 def test_a_missing_pymavlink_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     dialect.cache_clear()
-    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.common", None)
     try:
         with pytest.raises(InvalidValueError, match=r"pip install 'aerial_il\[mavlink\]'"):
             Bench(port=0, lockstep=True)

@@ -50,14 +50,16 @@ def fed(estimator: Estimator, sensors: Sensors, motion: Motion) -> Estimate:
         estimator.see_field(swap_body(sensed.mag))
     if sensed.pressure is not None:
         estimator.see_height(altitude_at(sensed.pressure) - sensors.home.alt_m)
-    if sensed.fix is not None:
+    if sensed.pose is not None:
+        estimator.see_pose(sensed.pose.pos, yaw_of(sensed.pose.quat))
+    if sensed.fix is not None and sensors.gps is not None:
         flat, up = np.hypot(sensors.gps.noise, sensors.gps.drift)
         estimator.see_fix(sensed.fix.pos, sensed.fix.vel, np.array([flat, flat, up]))
     return estimator.estimate
 
 
-def errors(gps: str, seed: int, seconds: float = 25.0) -> np.ndarray:
-    sensors = Sensors(gps, seed=seed)
+def errors(place: str, seed: int, seconds: float = 25.0) -> np.ndarray:
+    sensors = Sensors(place, seed=seed)
     estimator = Estimator(swap_world(np.array(sensors.home.field_gauss)), DT)
     wrong = []
     for tick in range(round(seconds / DT)):
@@ -96,11 +98,11 @@ def test_a_fix_tells_of_the_past() -> None:
     moving = [Motion(np.array([k * DT, 0.0, 1.0]), np.zeros(3), EAST, np.zeros(3), UP) for k in range(250)]
     late = [k * DT - s.fix.pos[0] for k, motion in enumerate(moving) if (s := sensors.read(motion)).fix is not None]
     assert len(late) == 9
-    np.testing.assert_allclose(late, sensors.gps.delay_s, atol=0.06)
+    np.testing.assert_allclose(late, 0.1, atol=0.06)
 
 
-def test_an_unknown_grade_of_receiver_is_refused() -> None:
-    with pytest.raises(UnknownNameError, match="rtk, standard"):
+def test_an_unknown_source_of_places_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="rtk, standard, mocap"):
         Sensors("perfect")
 
 
@@ -111,6 +113,12 @@ def test_it_finds_the_vehicle_within_ten_centimetres(seed: int) -> None:
     assert np.linalg.norm(rms[:3]) < 0.1
     assert np.linalg.norm(rms[3:6]) < 0.05
     assert rms[6] < 0.05
+
+
+def test_with_motion_capture_it_finds_it_within_a_centimetre() -> None:
+    rms = np.sqrt(np.mean(np.square(errors("mocap", 1)), axis=0))
+    assert np.linalg.norm(rms[:3]) < 0.01
+    assert rms[6] < 0.02
 
 
 def test_a_receiver_without_corrections_does_not() -> None:

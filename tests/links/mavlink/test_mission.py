@@ -51,6 +51,13 @@ def test_a_mission_in_gusts_ends_in_the_cradle(fly: Fly, robot: str) -> None:
     assert np.sqrt(np.mean(np.square(wrong).sum(axis=1))) < 0.1
 
 
+def test_with_motion_capture_it_lands_to_the_centimetre(fly: Fly) -> None:
+    bench, client = fly(place="mocap", seed=1)
+    wrong = mission(bench, client)
+    assert off_cradle(bench) < 0.04
+    assert np.sqrt(np.mean(np.square(wrong).sum(axis=1))) < 0.01
+
+
 def test_a_mission_repeats_bit_for_bit(fly: Fly) -> None:
     flown = []
     for _ in range(2):
@@ -156,9 +163,10 @@ def test_over_udp_time_does_not_wait(fly: Fly) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_twenty_of_twenty_missions_succeed(fly: Fly, robot: str) -> None:
-    landed = []
+    landed, rms = [], []
     for seed in range(10_000, 10_020):
         bench, client = fly(robot, tier="gusts", seed=seed)
-        mission(bench, client)
+        rms.append(np.sqrt(np.mean(np.square(mission(bench, client)).sum(axis=1))))
         landed.append(off_cradle(bench) < 0.1)
     assert sum(landed) == 20
+    assert max(rms) < 0.1
