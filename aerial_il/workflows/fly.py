@@ -112,7 +112,7 @@ def fly(settings: Fly) -> Flown:
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
                 env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, ticks),
-                progress=settings.progress,
+                progress=settings.progress, called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
         if settings.land:
