@@ -6,13 +6,16 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup demo test test-all fuzz check format bench bench-quick docs notebooks lock slurm newcomer clean
+.PHONY: help setup setup-links demo test test-links test-all fuzz check format bench bench-quick docs notebooks lock slurm newcomer clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 setup: ## make .venv from requirements.lock and find out how to render (does nothing when up to date)
 	@setup/environment.sh
+
+setup-links: setup ## make .venv-links, which has what exports, ROS 2 and MAVLink need too
+	@setup/links.sh
 
 demo: setup ## fly, record, learn, evaluate: the whole path, resumable, with a report at the end
 	@$(BIN)/aerial-il demo
@@ -22,6 +25,9 @@ test: setup ## run the tests that finish in minutes
 
 test-all: setup ## run every test, the slow ones and those that need a browser too
 	@OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "" $(ABREAST)
+
+test-links: setup-links ## fly robots over ROS 2 and MAVLink and exported policies, missions too (a quarter of an hour)
+	@OMP_NUM_THREADS=1 MAVLINK20=1 .venv-links/bin/python -m pytest -m "" tests/links tests/policies/test_export.py
 
 fuzz: setup ## read 16,000 mutated files, into runs/fuzz; interrupted, the same command continues
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.safety.fuzz runs/fuzz
@@ -59,5 +65,5 @@ newcomer: ## walk a newcomer's path on a bare Debian, as root: suite=trixie or b
 	@setup/newcomer.sh $(or $(suite),trixie) $(steps)
 
 clean: ## remove caches and the environment; recordings and runs stay
-	rm -rf .venv .tools .cache .pytest_cache .ruff_cache .import_linter_cache dist build *.egg-info
+	rm -rf .venv .venv-links .tools .cache .pytest_cache .ruff_cache .import_linter_cache dist build *.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -90,9 +90,11 @@ def main(words: Sequence[str], here: Callable[[], Any] | None = None) -> int:
         if missing := [name for name in ("policy", "link") if name not in said]:
             raise InvalidValueError(f"{missing[0]}=... is missing. {(__doc__ or '').splitlines()[2]}")
         own = {name.removeprefix("link."): _value(value) for name, value in said.items() if name.startswith("link.")}
-        link = registry.get("link", said["link"])(**own).connect(here or _elsewhere)
+        settings = registry.get("link", said["link"])(**own)
+        policy = load_exported(Path(said["policy"]))
+        link = settings.connect(here or _elsewhere, level=policy.spec.action.level)
         seed = int(said["seed"]) if "seed" in said else None
-        flight = fly(load_exported(Path(said["policy"])), link, seconds=float(said.get("seconds", 30)), seed=seed)
+        flight = fly(policy, link, seconds=float(said.get("seconds", 30)), seed=seed)
         link.close()
     except (AerialError, ValueError, TypeError) as error:
         print(error, file=sys.stderr)

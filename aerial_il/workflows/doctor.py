@@ -1,4 +1,4 @@
-"""What works on this machine: versions, cores, rendering, free disk space."""
+"""What works on this machine: versions, cores, rendering, links to robots, free disk space."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ class Doctor:
 
 
 def findings() -> dict[str, Any]:
-    """Return versions, machine, the result of rendering one frame with each back end, and free space."""
-    from aerial_il.core import rendering
+    """Return versions, machine, the result of rendering one frame with each back end, links, and free space."""
+    from aerial_il.core import registry, rendering
     from aerial_il.core.provenance import provenance
 
     problems = {backend: rendering.probe_backend(backend) or "works" for backend in rendering.BACKENDS}
     return {
         **provenance(),
         "rendering": {"chosen": rendering.choose_backend() or "MuJoCo's own choice", **problems},
+        "links": {name: registry.get("link", name)().missing() or "works" for name in registry.names("link")},
         "free_disk_gb": round(shutil.disk_usage(".").free / 1e9, 1),
     }
 

@@ -105,14 +105,14 @@ def fly(settings: Fly) -> Flown:
     from aerial_il.workflows.parts import pilots
 
     known = pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)
-    link = settings.link.connect(lambda: _robot(settings, known))
+    link = settings.link.connect(lambda: _robot(settings, known), level=known.reference.action)
     with closing(LinkedEnvironment(link, settings.guard)) as env:
         seeds = range(settings.seed, settings.seed + settings.episodes)
         pilot, ticks = _pilot(settings, known.policy, env)
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
                 env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, ticks),
-                progress=settings.progress,
+                progress=settings.progress, called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
         if settings.land:

@@ -6,7 +6,7 @@ from contextlib import closing
 from dataclasses import dataclass, field
 
 from aerial_il.core.latency import NO_LATENCY, Latency
-from aerial_il.links.simulated.link import Simulated
+from aerial_il.links.ros2.link import Ros2
 from aerial_il.workflows.fly import LinkChoice
 from aerial_il.workflows.parts.names import Controller, Robot, Task, Tier, at_least
 
@@ -28,7 +28,7 @@ class Simulate:
         seed: of the scene that it begins with.
     """
 
-    link: LinkChoice = field(default_factory=Simulated)
+    link: LinkChoice = field(default_factory=Ros2)
     robot: Robot = "ua_quad_arm4"
     task: Task = "pick_place"
     tier: Tier = "calm"

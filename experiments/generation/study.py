@@ -1,9 +1,9 @@
 """Demonstrations out of one: how often generated flights succeed, and how well a clone of them flies.
 
 Each draw has one flight of the expert, the source. It is generated from for every robot and in several tiers, and a
-clone of what was generated flies, on each robot, beside two controls: a clone of as many flights of the expert, and one
-of the source alone. On a few tasks three more ways are compared: with noise, out of six sources, and out of the nearest
-of six. All are judged on the same reserved seeds.
+clone of what was generated flies, on each robot, beside three controls: a clone of as many flights of the expert, one
+of as many with half of them in gusts, and one of the source alone. On a few tasks three more ways are compared: with
+noise, out of six sources, and out of the nearest of six. All are judged on the same reserved seeds.
 """
 
 from __future__ import annotations
@@ -38,8 +38,10 @@ from experiments.common.success import failed_seeds, pooled_rows
 
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
 GENERATED, BOTH, AS_MANY, ALONE = "generated", "both", "as_many", "alone"
+EXPERT_IN_BOTH = "expert_in_both"
 NOISY, SIX, NEAREST = "noisy", "six", "nearest"
-ARMS = (GENERATED, BOTH, AS_MANY, ALONE, NOISY, SIX, NEAREST)
+EVERYWHERE = (GENERATED, BOTH, AS_MANY, EXPERT_IN_BOTH, ALONE)
+ARMS = (*EVERYWHERE, NOISY, SIX, NEAREST)
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
     "inspect_contact",
@@ -95,13 +97,26 @@ class GeneratedFrom(Shown):
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
 
 
+@dataclass(frozen=True, eq=False)
+class ClonedInBoth(Cloned):
+    """A clone of the expert's flights, half of them in :data:`BESIDE`."""
+
+    def decided_by(self) -> dict[str, Any]:
+        return {**all_that_decides(self), "beside": BESIDE}
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        sources = self.source, replace(self.source, tier=BESIDE)
+        shown = Joined([stages.demonstrations(source, self.demos // 2) for source in sources])
+        return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Generation:
     """Settings.
 
     Attributes:
         policy: what is cloned. cloning: how. robot: of the sources. others: robots that it is generated for, too.
-        tasks: which. compared: those of them on which all arms are flown; others fly the first four.
+        tasks: which. compared: those of them on which all arms are flown; others fly the first five.
         tiers: that it is generated in, the first of which clones learn from; the sources are flown there.
         flown_in: tiers that judge clones. flights: generated for each robot. few: in other tiers.
         noise: of the arm with noise. arms: clones, of which other robots fly the first. draws: of sources and weights.
@@ -196,12 +211,15 @@ class Generation:
                 GENERATED: self._generated(GENERATED, Out(source)),
                 BOTH: self._generated(BOTH, Out(source), beside=BESIDE),
                 AS_MANY: Cloned(AS_MANY, replace(source, noise=0.3), self.flights, self.policy, self.cloning),
+                EXPERT_IN_BOTH: ClonedInBoth(
+                    EXPERT_IN_BOTH, replace(source, noise=0.3), self.flights, self.policy, self.cloning
+                ),
                 ALONE: Cloned(ALONE, source, 1, self.policy, replace(self.cloning, validation=0.0)),
                 NOISY: self._generated(NOISY, Out(source, noise=self.noise)),
                 SIX: self._generated(SIX, Out(source, sources=6)),
                 NEAREST: self._generated(NEAREST, Out(source, sources=6, select="nearest")),
             }
-            yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in ARMS[:4])
+            yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in EVERYWHERE)
         for robot, draw, task in product(self.others, self.draws, self.tasks):
             if (robot, task) in aerial_il.list_cells():
                 out = Out(self._source(task, draw))
@@ -232,9 +250,9 @@ NOTES = (
     "best: of single sources. A minute: successes of wall time, recorded.",
     "Clones of what was generated: each training has its own source and weights; other robots' learn from what was "
     "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
-    "Controls: as_many, a clone of as many flights of the expert with its default noise; alone, one of the single "
-    "flight. noisy: generated with noise; six: out of six flights of the expert; nearest: out of whichever of these "
-    "six is nearest.",
+    "Controls: as_many, a clone of as many flights of the expert with its default noise; expert_in_both, of as many, "
+    "half of them in gusts; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
+    "the expert; nearest: out of whichever of these six is nearest.",
 )
 
 

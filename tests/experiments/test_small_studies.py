@@ -52,6 +52,16 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "demos": 2,
         "episodes": 2,
     },
+    "links": lambda: {
+        "policy": MLP(hidden=(8,)),
+        "cloning": CLONING,
+        "tasks": ("reach",),
+        "links": ("evaluation", "in_process"),
+        "latencies_ms": (0, 40),
+        "demos": 2,
+        "speed": 20.0,
+        "episodes": 2,
+    },
     "umi": lambda: {
         "policy": replace(OF_THE_TOOL, width=16),
         "cloning": CLONING,

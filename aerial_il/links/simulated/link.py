@@ -35,7 +35,7 @@ class Simulated(LinkSettings):
         require_positive(self, "speed")
         require_share(self, "loss", below_one=True)
 
-    def connect(self, here: Callable[[], SimulatedRobot]) -> Link:
+    def connect(self, here: Callable[[], SimulatedRobot], *, level: str | None = None) -> Link:
         from aerial_il.links.simulated.in_process import SimulatedLink
 
         return SimulatedLink(here(), lockstep=self.clock == "lockstep", speed=self.speed, loss=self.loss)
