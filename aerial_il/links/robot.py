@@ -16,10 +16,9 @@ import numpy as np
 from aerial_il.control import controller_state as layout
 from aerial_il.control.actions import ActionLevel, levels_of
 from aerial_il.core.contracts import StepResult
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.core.specs import EnvSpec
-from aerial_il.links.link import LINKED_LEVELS, QUIET_S, Mode, Order, Reading, RefusedError
+from aerial_il.links.link import LINKED_LEVELS, QUIET_S, Mode, Order, Reading, RefusedError, require_linked
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.episode.simulation import STATE_OFFSET
@@ -280,19 +279,6 @@ class SimulatedRobot:
                 own[where : where + 3] = 0.0
         self._level = level
         self.env.set_state(state)
-
-
-def require_linked(level: str) -> None:
-    """Refuse a level whose set points do not stand for themselves.
-
-    Raises:
-        InvalidValueError: names those that do.
-    """
-    if level not in LINKED_LEVELS:
-        raise InvalidValueError(
-            f"action={level} is not flown over a link: a set point that is lost or late would change all that follow. "
-            f"Valid: {', '.join(LINKED_LEVELS)}."
-        )
 
 
 def _yaw(env: BatchEnvironment) -> float:
