@@ -40,6 +40,10 @@ class SimulatedRobot:
             its specification, and of the first set point. controller: flight law. cameras: images that it shows.
         latency: how late it shows and takes things, whole control steps. quiet_s: see :data:`QUIET_S`.
 
+    Attributes:
+        mode, armed: see :class:`Mode`. late: ticks by which it shows and takes things late.
+        solved: whether the task was, since the episode began.
+
     Raises:
         UnknownNameError, CellError: see :func:`aerial_il.load`. InvalidValueError: the level cannot be commanded over
             a link.
@@ -62,7 +66,7 @@ class SimulatedRobot:
         require_linked(level)
         own = [each.label for each in levels_of(scenario.robot.vehicle) if each.label in LINKED_LEVELS]
         self._envs = {each: BatchEnvironment(replace(scenario, action=each), 1, 1) for each in own}
-        self._first, self._latency = level, latency.steps(scenario.spec.control_dt_s)
+        self._first, self.late = level, latency.steps(scenario.spec.control_dt_s)
         self._quiet = max(1, round(quiet_s / scenario.spec.control_dt_s))
         self.time_s = START_S
         self.reset(0)
@@ -100,7 +104,7 @@ class SimulatedRobot:
         view = env.simulation.view
         self._cradle = view.base_pos[0].copy(), _yaw(env), view.joint_pos[0].copy()
         self._opening, self._target = 1.0, np.zeros(0)
-        seen, done = self._latency
+        seen, done = self.late
         self._seen = deque([obs] * (seen + 1), maxlen=seen + 1)
         self._sent: deque[tuple[str, np.ndarray] | None] = deque([None] * done)
         self._newest: tuple[str, np.ndarray] | None = None
@@ -170,7 +174,7 @@ class SimulatedRobot:
     def reading(self) -> Reading:
         """Return what it shows now, late by its latency."""
         obs = {name: values[0] for name, values in self._seen[0].items()}
-        measured_s = self.time_s - self._latency[0] * self.spec.control_dt_s
+        measured_s = self.time_s - self.late[0] * self.spec.control_dt_s
         return Reading(obs, measured_s, self.mode, self.armed, self._told())
 
     def close(self) -> None:

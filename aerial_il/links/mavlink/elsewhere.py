@@ -31,6 +31,7 @@ class AutopilotLink:
 
     Args:
         robot: registry name. port: for its datagrams. level: of the actions in its specification.
+        patience_s: with an autopilot that says nothing.
 
     Raises:
         InvalidValueError: the level is not flown over a link. LinkError: the port is in use, or no autopilot sends.
@@ -38,8 +39,8 @@ class AutopilotLink:
 
     lockstep = False
 
-    def __init__(self, robot: str, *, port: int, level: str) -> None:
-        self._begin(robot, level, OffboardClient(robot, port=port))
+    def __init__(self, robot: str, *, port: int, level: str, patience_s: float) -> None:
+        self._begin(robot, level, OffboardClient(robot, port=port, patience_s=patience_s))
         task = ANY_TASK if not robots.get(robot).num_joints else "reach"
         whole = Scenario(robot, task, action=level).spec
         own = tuple(field for field in whole.observation.fields if field.name in TOLD)

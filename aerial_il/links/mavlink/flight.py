@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from aerial_il.control import controller_state as layout
@@ -38,6 +40,8 @@ class Flight:
         for controller in self._controllers.values():
             controller.reset()
         self._level, self._spinning = "base_joint", round(SPIN_UP_S / PHYSICS_DT_S)
+        self._asked: np.ndarray | None = None
+        self._reference, self._steps_left = np.zeros(4), 0
         self._lag.thrust = np.zeros(self._vehicle.num_rotors)
 
     @property
@@ -69,13 +73,30 @@ class Flight:
             self._change(level, now)
             controller = self._controllers[level]
             arm = self._rates_to(posture) if level == "velocity" else posture
-            action = np.array([*base, *arm, *([opening] if self._vehicle.gripper_stroke else [])])
+            grip = [opening] if self._vehicle.gripper_stroke else []
+            action = np.array([*(self._between(base) if level == "base_joint" else base), *arm, *grip])
             qpos = np.concatenate([now.pos, now.quat, joints])
             qvel = np.concatenate([now.vel, now.angvel, speeds])
             thrust, _ = controller.update(action, qpos, qvel, self._lag.thrust)
             held = self.joints
         self._lag.follow(thrust)
         return thrust, held
+
+    def _between(self, base: np.ndarray) -> np.ndarray:
+        """Return where on the way from the last set point of the base to the newest it is to be, in steps of 4 ms.
+
+        They come every 20 ms: a reference that jumped to each would move in jerks.
+        """
+        if self._asked is None:
+            self._asked = self._reference = base
+        if not np.array_equal(base, self._asked):
+            self._asked, self._steps_left = base, SUBSTEPS
+        if self._steps_left:
+            ahead = base - self._reference
+            ahead[3] = math.remainder(ahead[3], 2.0 * math.pi)
+            self._reference = self._reference + ahead / self._steps_left
+            self._steps_left -= 1
+        return self._reference
 
     def _rates_to(self, posture: np.ndarray) -> np.ndarray:
         speed = self._vehicle.joint_speed
@@ -89,4 +110,4 @@ class Flight:
         state[:] = self._controllers[self._level].state
         state[layout.BASE_POS : layout.BASE_POS + 3], state[layout.BASE_YAW] = now.pos, yaw_of(now.quat)
         state[layout.BASE_VEL : layout.BASE_VEL + 3], state[layout.BASE_YAW_RATE] = now.vel, 0.0
-        self._level = level
+        self._level, self._asked = level, None

@@ -32,6 +32,7 @@ class Mavlink(LinkSettings):
         lockstep: time waits for the policy; only of a robot that is simulated here.
         place: what tells a simulated robot its position: mocap, rtk or standard, a GPS without corrections.
         speed: of its time, where that does not wait.
+        patience_s: with an autopilot that says nothing.
     """
 
     robot: str | None = None
@@ -39,10 +40,11 @@ class Mavlink(LinkSettings):
     lockstep: bool = True
     place: Place = "mocap"
     speed: float = 1.0
+    patience_s: float = 60.0
 
     def __post_init__(self) -> None:
         require_choice(self, "place", Place)
-        require_positive(self, "speed")
+        require_positive(self, "speed", "patience_s")
         if not 0 <= self.port <= 65_535:
             raise InvalidValueError(f"port is {self.port}; it must lie in [0, 65535].")
 
@@ -53,10 +55,10 @@ class Mavlink(LinkSettings):
 
         dialect()
         if self.robot is not None:
-            return AutopilotLink(self.robot, port=self.port, level=level or "base_joint")
+            return AutopilotLink(self.robot, port=self.port, level=level or "base_joint", patience_s=self.patience_s)
         with closing(here()) as made:
-            spec = made.spec
-        own = {"place": self.place, "lockstep": self.lockstep, "speed": self.speed}
+            spec, late = made.spec, made.late
+        own = {"place": self.place, "lockstep": self.lockstep, "speed": self.speed, "late": late}
         return BenchLink(spec.robot, spec.task, spec.tier, level=level or spec.action.level, **own)
 
     def serve(self, robot: SimulatedRobot) -> None:

@@ -97,7 +97,7 @@ class Simulator:
             try:
                 self.step()
             except HungUpError:
-                log.info("The autopilot hung up after %.1f s.", self.steps * PHYSICS_DT_S)
+                log.debug("The autopilot hung up after %.1f s.", self.steps * PHYSICS_DT_S)
                 return
 
     def step(self) -> None:
