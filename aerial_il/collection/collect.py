@@ -107,6 +107,7 @@ def collect(
     longest: int | None = None,
     mix: bool = False,
     progress: bool = True,
+    called: str = "collect",
 ) -> Collection:
     """Record one episode for each seed that ``out`` does not hold yet.
 
@@ -130,7 +131,7 @@ def collect(
         expert: labels each observation with what it would do, while ``policy`` flies.
         longest: control steps after which a flight that has not ended is cut off; None leaves it the task's limit.
         mix: whether flights of another tier, flight law, pilot or with other settings may join those of ``out``.
-        progress: show a progress bar, and in the end a summary.
+        progress: show a progress bar, and in the end a summary. called: what the bar is called.
 
     Raises:
         SimulationDivergedError: the policy or the physics gave NaN or infinity; names seed and step.
@@ -148,7 +149,7 @@ def collect(
     collector.result.provenance = collector.provenance_of(seeds[0])
     with (
         _accounted(collector, seeds, progress),
-        Progress(total=len(seeds), desc="collect", unit="ep", disable=not progress) as bar,
+        Progress(total=len(seeds), desc=called, unit="ep", disable=not progress) as bar,
     ):
         for _ in collector.fly(seeds):
             collector.result.show(bar)

@@ -14,6 +14,8 @@ import numpy as np
 
 from aerial_il.control import controller_state as layout
 from aerial_il.control.controller import Controller
+from aerial_il.control.dynamics import forward_kinematics, tool_pose
+from aerial_il.control.scratch import make_scratch
 from aerial_il.control.vehicle import Vehicle
 from aerial_il.core.rotations import mat_from_rot6d
 
@@ -28,10 +30,18 @@ class Companion:
     def __init__(self, vehicle: Vehicle) -> None:
         self._controller = Controller(vehicle, level="ee_pose")
         self._thrust = np.zeros(vehicle.num_rotors)
+        self._record, self._frames = vehicle.record, make_scratch().frames
 
     def reset(self) -> None:
         """Begin where the robot is when it is next asked."""
         self._controller.reset()
+
+    def tool(self, pos: np.ndarray, rot: np.ndarray, joints: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return position (3,) and rotation (3, 3), world from tool, for a base at ``pos`` (3,), ``rot`` (3, 3)."""
+        place, turned = tuple(map(float, pos)), tuple(map(float, rot.ravel()))
+        forward_kinematics(self._record, place, turned, np.ascontiguousarray(joints), 0, self._frames)
+        tool, tool_rot = tool_pose(self._record, self._frames)
+        return np.array(tool), np.array(tool_rot).reshape(3, 3)
 
     def base_joint(self, action: np.ndarray, obs: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the set point at ``base_joint`` for one at ``ee_pose``; to be called once a control step.

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from aerial_il.core.errors import AerialError
+from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.specs import EnvSpec
 
 LINKED_LEVELS = ("ee_pose", "base_joint", "velocity")  # a lost set point of these changes nothing that comes later
@@ -108,3 +108,16 @@ class Link(Protocol):
     def close(self) -> None:
         """Give up the link; a robot in the air hovers."""
         ...
+
+
+def require_linked(level: str) -> None:
+    """Refuse a level whose set points do not stand for themselves.
+
+    Raises:
+        InvalidValueError: names those that do.
+    """
+    if level not in LINKED_LEVELS:
+        raise InvalidValueError(
+            f"action={level} is not flown over a link: a set point that is lost or late would change all that follow. "
+            f"Valid: {', '.join(LINKED_LEVELS)}."
+        )

@@ -17,10 +17,9 @@ import numpy as np
 from aerial_il.control import controller_state as layout
 from aerial_il.control.actions import ActionLevel, levels_of
 from aerial_il.core.contracts import StepResult
-from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.core.specs import EnvSpec
-from aerial_il.links.link import LINKED_LEVELS, QUIET_S, Mode, Order, Reading, RefusedError
+from aerial_il.links.link import LINKED_LEVELS, QUIET_S, Mode, Order, Reading, RefusedError, require_linked
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.episode.simulation import STATE_OFFSET
@@ -42,6 +41,10 @@ class SimulatedRobot:
         robot, task: registry names; the task sets the scene, and judges. tier: disturbances. level: of the actions in
             its specification, and of the first set point. controller: flight law. cameras: images that it shows.
         latency: how late it shows and takes things, whole control steps. quiet_s: see :data:`QUIET_S`.
+
+    Attributes:
+        mode, armed: see :class:`Mode`. late: ticks by which it shows and takes things late.
+        solved: whether the task was, since the episode began.
 
     Raises:
         UnknownNameError, CellError: see :func:`aerial_il.load`. InvalidValueError: the level cannot be commanded over
@@ -69,7 +72,7 @@ class SimulatedRobot:
             )
         own = [each.label for each in levels_of(scenario.robot.vehicle) if each.label in LINKED_LEVELS]
         self._envs = {each: BatchEnvironment(replace(scenario, action=each), 1, 1) for each in own}
-        self._first, self._latency = level, latency.steps(scenario.spec.control_dt_s)
+        self._first, self.late = level, latency.steps(scenario.spec.control_dt_s)
         self._quiet = max(1, round(quiet_s / scenario.spec.control_dt_s))
         self.time_s = START_S
         self.reset(0)
@@ -107,7 +110,7 @@ class SimulatedRobot:
         view = env.simulation.view
         self._cradle = view.base_pos[0].copy(), _yaw(env), view.joint_pos[0].copy()
         self._opening, self._target = 1.0, np.zeros(0)
-        seen, done = self._latency
+        seen, done = self.late
         self._seen = deque([obs] * (seen + 1), maxlen=seen + 1)
         self._sent: deque[tuple[str, np.ndarray] | None] = deque([None] * done)
         self._newest: tuple[str, np.ndarray] | None = None
@@ -177,7 +180,7 @@ class SimulatedRobot:
     def reading(self) -> Reading:
         """Return what it shows now, late by its latency."""
         obs = {name: values[0] for name, values in self._seen[0].items()}
-        measured_s = self.time_s - self._latency[0] * self.spec.control_dt_s
+        measured_s = self.time_s - self.late[0] * self.spec.control_dt_s
         return Reading(obs, measured_s, self.mode, self.armed, self._told())
 
     def close(self) -> None:

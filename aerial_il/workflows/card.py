@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import License, at_least
 
@@ -59,6 +60,8 @@ def card(settings: Card) -> CardFiles:
     from aerial_il.workflows.parts import dataset_card as parts
 
     path, note = Path(settings.path), ""
+    if settings.out is not None and Path(settings.out).suffix != ".html":
+        raise InvalidValueError(f"out={settings.out} is to be a page: let its name end in .html.")
     dataset = open_dataset(path, **settings.answers, failures=True, states=False)
     out, of_hub = claim_file(settings.out or parts.place_of(path)), lerobot.recognises(path)
     readme = Path(settings.readme) if settings.readme else path / lerobot.README if of_hub else None

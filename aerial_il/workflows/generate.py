@@ -115,7 +115,7 @@ def generate(settings: Generate) -> str:
         done = collect(
             env, policy, range(settings.seed, settings.seed + settings.episodes), settings.out,
             policy_name=POLICY, settings=_made_of(settings, sources), longest=min(longest, env.spec.max_steps),
-            mix=settings.mix, progress=settings.progress,
+            mix=settings.mix, progress=settings.progress, called="generate",
         )  # fmt: skip
         remember(done, env.spec)
     if done.failures and not done.demos:

@@ -26,6 +26,7 @@ from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import LinkError
+from aerial_il.links.mavlink.link import Mavlink
 from aerial_il.links.pilot import LinkPilot
 from aerial_il.links.robot import SimulatedRobot
 from aerial_il.links.ros2.link import Ros2
@@ -44,8 +45,8 @@ from experiments.common.stages import Cloned, Stages, judged_once
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row
 from experiments.umi.study import latency_of
 
-EVALUATION, HERE, ROS2 = "evaluation", "in_process", "ros2"
-LINKS = (EVALUATION, HERE, ROS2)
+EVALUATION, HERE, ROS2, MAVLINK = "evaluation", "in_process", "ros2", "mavlink"
+LINKS = (EVALUATION, HERE, ROS2, MAVLINK)
 CHUNKS = ("plain", "dropped")
 TIER, NOISE, STEP_MS = "calm", 0.3, 20
 STARTED_S = 60.0  # a robot in another process compiles its world
@@ -153,6 +154,9 @@ class Links:
             return LinkedEnvironment(
                 settings.connect(lambda: SimulatedRobot(self.robot, cell.task, latency=latency)), GUARD
             )
+        if cell.link == MAVLINK:
+            link = Mavlink().connect(lambda: SimulatedRobot(self.robot, cell.task, latency=latency))
+            return LinkedEnvironment(link, GUARD)
         return Served(self.robot, cell.task, latency, self.speed)
 
 
@@ -193,7 +197,8 @@ NOTES = (
     "One policy a task, a clone of the expert's flights in calm air with noise 0.3; another training was not measured. "
     "Intervals: Wilson's 95 % over its flights.",
     "evaluation: as aerial-il evaluate flies it. in_process: the robot's time runs on beside the policy. ros2: the "
-    "robot in a process of its own, over the real middleware on one machine. Nothing of it is hardware.",
+    "robot in a process of its own, over the real middleware on one machine. mavlink: behind the stand-in autopilot, "
+    "with modelled sensors and motion capture, in lockstep. Nothing of it is hardware.",
     "Latency: whole steps of 20 ms, half of them (the larger half) in what is seen, the others in what is done; that "
     "of the link comes on top. plain: chunks flown as if there were none; dropped: less actions that come too late.",
 )

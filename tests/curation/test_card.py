@@ -235,3 +235,9 @@ def test_nothing_of_the_page_runs_out_of_the_window(many: Path, tmp_path: Path) 
         across, errors = asyncio.run(measured(width))
         assert across <= width
         assert not errors
+
+
+def test_a_page_is_called_one(many: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["card", str(many), f"out={tmp_path / 'card.txt'}", NO_FILMS, QUIET]) == 2
+    assert "let its name end in .html" in capsys.readouterr().err
+    assert not (tmp_path / "card.txt").exists()

@@ -151,13 +151,16 @@ class Simulation:
         self.settle()
         return executed
 
-    def receive(self, actions: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-        """First part of :meth:`advance`: check the actions; the controllers take note of them when they next fly."""
+    def receive(self, actions: np.ndarray, mask: np.ndarray | None = None, *, fresh: bool = True) -> np.ndarray:
+        """First part of :meth:`advance`: check the actions; the controllers take note of them when they next fly.
+
+        ``fresh`` is False where they change within a control step, by whoever commands rotors at the physics rate.
+        """
         self._mask = self._select(mask)
         self._actions = self._checked(actions, self._mask)
         self._flights = self._identities.copy()
         self._arriving = self._actions.copy()
-        self._fresh = True
+        self._fresh = fresh
         return self._actions
 
     def fly(self, steps: int) -> None:
