@@ -65,11 +65,7 @@ class SimulatedRobot:
         quiet_s: float = QUIET_S,
     ) -> None:
         scenario = Scenario(robot, task, tier, level, cameras, image_size, controller)
-        if level not in LINKED_LEVELS:
-            raise InvalidValueError(
-                f"action={level} is not flown over a link: a set point that is lost or late would change what follows. "
-                f"Valid: {', '.join(LINKED_LEVELS)}."
-            )
+        require_linked(level)
         own = [each.label for each in levels_of(scenario.robot.vehicle) if each.label in LINKED_LEVELS]
         self._envs = {each: BatchEnvironment(replace(scenario, action=each), 1, 1) for each in own}
         self._first, self.late = level, latency.steps(scenario.spec.control_dt_s)
