@@ -21,6 +21,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import aerial_il
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.links.link import LinkError, RefusedError
 
 # %% [markdown]
@@ -49,7 +50,7 @@ with aerial_il.vehicle(robot="ua_quad_arm4") as vehicle:
     for attempt in (vehicle.take_off, vehicle.land, lambda: vehicle.move_arm([0.0, 0.0])):
         try:
             attempt()
-        except (RefusedError, LinkError) as error:
+        except (RefusedError, InvalidValueError) as error:
             print(error)
 
 # %% [markdown]

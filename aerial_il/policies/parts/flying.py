@@ -192,7 +192,7 @@ class FlyingPolicy(ABC):
         execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
         delay = 0 if execution.chunks == "plain" else steps + thinking
         spare = config.chunk - delay - max(1, execute)
-        if thinking > spare:
+        if thinking > max(0, spare):
             raise InvalidValueError(
                 f"Of a chunk of {config.chunk} actions, {max(0, spare)} are left to fly while {config.name} thinks for "
                 f"{thinking} steps. Train with a longer policy.chunk, or a shorter policy.execute."
