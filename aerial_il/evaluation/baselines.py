@@ -52,7 +52,9 @@ class Hover:
         """
         if not isinstance(env, BatchEnvironment):
             where = f"{env.spec.robot}:{env.spec.task}"
-            raise InvalidValueError(f"policy=hover holds a vehicle of the suite; {where} has none. Try policy=random.")
+            raise InvalidValueError(
+                f"policy=hover holds a vehicle of our own environments, not {where}. Try policy=random."
+            )
         self._env, self._held = env, np.zeros((env.num_envs, env.spec.action.size))
         self._fresh = np.ones(env.num_envs, bool)
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
@@ -19,6 +20,7 @@ from aerial_il.links.watch import Watch
 from aerial_il.teleop.session.clock import LATE_S, Metronome, Pace
 
 PATIENCE_S = 10.0  # for a robot that was told to begin
+LOST_S = 5.0  # without news of a robot for longer, its flight is given up
 POLL_S = 0.002
 
 
@@ -28,15 +30,15 @@ class Timing:
 
     Attributes:
         late_s: how long after its deadline a tick began. work_s: from there to its set point being sent.
-        age: ticks since the newest reading came.
+        age_s: how long ago the newest reading came, s of the robot's time.
     """
 
     late_s: list[float] = field(default_factory=list)
     work_s: list[float] = field(default_factory=list)
-    age: list[int] = field(default_factory=list)
+    age_s: list[float] = field(default_factory=list)
 
     def __add__(self, other: Timing) -> Timing:
-        return Timing(self.late_s + other.late_s, self.work_s + other.work_s, self.age + other.age)
+        return Timing(self.late_s + other.late_s, self.work_s + other.work_s, self.age_s + other.age_s)
 
     def summary(self) -> dict[str, float]:
         """Return what there is to say of them: counts, and milliseconds."""
@@ -47,7 +49,7 @@ class Timing:
             "work_ms_p50": round(float(np.percentile(work, 50)), 3),
             "work_ms_p99": round(float(np.percentile(work, 99)), 3),
             "late_ms_p99": round(float(np.percentile(late, 99)), 3),
-            "oldest_reading_ticks": max(self.age, default=0),
+            "oldest_reading_ms": round(1000.0 * max(self.age_s, default=0.0), 1),
         }
 
 
@@ -60,7 +62,8 @@ class RobotLoop:
     Attributes:
         obs: what the robot showed last, name -> (*shape,). reading: that reading.
         steps, held: ticks of the flight, and those in which the guard objected. timing: of its ticks.
-        timings: of all flights.
+        sent: (Da,) the last set point of the flight; None before the first.
+        timings: of all flights. troubles: seed -> ticks in which the guard objected, and to what it did so first.
     """
 
     def __init__(self, link: Link, guard: Guard | None = None) -> None:
@@ -69,9 +72,12 @@ class RobotLoop:
         self.obs: dict[str, np.ndarray] = {}
         self.reading: Reading | None = None
         self.steps = self.held = self.seed = 0
+        self.sent: np.ndarray | None = None
         self.timing, self._woke = Timing(), time.perf_counter()
         self.timings: list[Timing] = []
+        self.troubles: dict[int, tuple[int, str]] = {}
         self._metronome: Metronome | None = None
+        self._speed: float = getattr(link, "speed", 1.0)
 
     @property
     def trouble(self) -> str:
@@ -84,6 +90,12 @@ class RobotLoop:
         return {} if self.reading is None else self.reading.told
 
     @property
+    def _now_s(self) -> float:
+        """The loop's time, which passes as fast as the robot's, s."""
+        lockstep = self._metronome is None
+        return self.steps * self.spec.control_dt_s if lockstep else self._speed * time.perf_counter()
+
+    @property
     def pace(self) -> Pace | None:
         """How the loop keeps time; None in lockstep."""
         return None if self._metronome is None else self._metronome.pace
@@ -93,34 +105,42 @@ class RobotLoop:
 
         Raises:
             LinkError: it does not begin. RefusedError: it refuses, and says why.
+            InvalidValueError: it begins beyond the fence.
         """
         self.seed = seed
         self.link.order(Order.RESET, seed=seed)
         self.link.order(Order.ARM)
         self.link.order(Order.TAKE_OFF, height_m=0.0)
-        self.join()
+        self.troubles.pop(seed, None)
+        self.join(seed)
 
-    def join(self) -> None:
-        """Begin to fly a robot that is in the air.
+    def join(self, seed: int | None = None) -> None:
+        """Begin to fly a robot that is in the air, in the episode of ``seed`` if there is one.
 
         Raises:
-            LinkError: it is not.
+            LinkError: it is not. InvalidValueError: it is beyond the fence.
         """
-        self._take(self._awaited(Mode.FLYING, Mode.HOLDING))
-        self.steps, self.held, self.timing = 0, 0, Timing()
+        self._take(self._awaited(Mode.FLYING, Mode.HOLDING, seed=seed))
+        self.steps, self.held, self.sent, self.timing = 0, 0, None, Timing()
         self.timings.append(self.timing)
+        self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / self._speed)
         self.watch.begin()
-        self.watch.see(self.reading)
-        speed = getattr(self.link, "speed", 1.0)
-        self._metronome = None if self.link.lockstep else Metronome(self.spec.control_dt_s / speed)
+        self.watch.see(self.reading, self._now_s)
+        if self.watch.over:
+            raise InvalidValueError(f"The flight would end where it begins: {self.trouble}. Set guard.fence wider.")
         self._woke = time.perf_counter()
 
     def tick(self, action: np.ndarray) -> None:
-        """Send a set point (Da,) at the level of the specification unless the guard objects; wait; read."""
+        """Send a set point (Da,) at the level of the specification unless the guard objects; wait; read.
+
+        Raises:
+            LinkError: the robot has shown nothing for long.
+        """
         if self.trouble:
             self.held += 1
         else:
-            self.link.send(self.spec.action.level, self.spec.action.clip(action))
+            self.sent = self.spec.action.clip(action)
+            self.link.send(self.spec.action.level, self.sent)
         worked = time.perf_counter() - self._woke
         late = 0.0
         if self._metronome is None:
@@ -130,12 +150,16 @@ class RobotLoop:
         self._woke = time.perf_counter()
         self.steps += 1
         reading = self.link.read()
-        self.watch.see(reading)
+        self.watch.see(reading, self._now_s)
+        if self.trouble:
+            self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, self.trouble))[1]
+        if self.watch.age_s > LOST_S:
+            raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
         if reading is not None and (not self.trouble or reading.mode is Mode.CRASHED):
             self._take(reading)
         self.timing.late_s.append(late)
         self.timing.work_s.append(worked)
-        self.timing.age.append(self.watch.age)
+        self.timing.age_s.append(self.watch.age_s)
 
     def look(self) -> dict[str, np.ndarray]:
         """Wait for what the robot shows before a flight, and return it: name -> (1, ...).
@@ -145,10 +169,21 @@ class RobotLoop:
         """
         return {name: value[None] for name, value in self._awaited(*Mode).obs.items()}
 
-    def _awaited(self, *modes: Mode) -> Reading:
-        """Wait for a reading in one of these modes."""
+    def hold(self) -> np.ndarray:
+        """Return the action (Da,) that keeps the robot where it shows itself, the gripper as it was commanded last."""
+        action = hold_action(self.spec, self.obs)
+        if self.sent is not None and self.spec.action.labels[-1] == "gripper":
+            action[-1] = self.sent[-1]
+        return action
+
+    def _awaited(self, *modes: Mode, seed: int | None = None) -> Reading:
+        """Wait for a reading in one of these modes, and not of another episode than that of ``seed``, if it tells."""
         until = time.perf_counter() + PATIENCE_S
-        while (reading := self.link.read()) is None or reading.mode not in modes:
+        while (
+            (reading := self.link.read()) is None
+            or reading.mode not in modes
+            or (seed is not None and reading.told.get("seed", seed) != seed)
+        ):
             if self.link.lockstep or time.perf_counter() > until:
                 mode = "shows nothing" if reading is None else f"is {reading.mode}"
                 raise LinkError(f"The robot {mode}, {PATIENCE_S:g} s after it was asked.")

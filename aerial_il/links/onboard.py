@@ -8,8 +8,10 @@ is written as transitions, which ``aerial_il.open_dataset`` reads; images are le
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,8 @@ from aerial_il.links.loop import RobotLoop
 from aerial_il.links.pilot import LinkPilot, ticks_to_think
 from aerial_il.policies.parts.exported import load_exported
 from aerial_il.policies.parts.flying import FlyingPolicy
+
+KEYS = ("policy", "link", "seconds", "seed", "out")
 
 
 @dataclass(frozen=True)
@@ -62,12 +66,18 @@ def fly(
         seed: of the episode that a simulated robot begins. guard: what must hold.
 
     Raises:
-        InvalidValueError: the policy does not suit the robot. LinkError: the robot is not in the air.
+        InvalidValueError: the policy does not suit the robot. LinkError: the robot is not in the air, or is lost.
     """
+    if not 0.0 < seconds < math.inf:
+        raise InvalidValueError(f"seconds is {seconds:g}; it must be positive.")
     policy.check(link.spec)
     loop, dt = RobotLoop(link, guard), link.spec.control_dt_s
-    ticks = ticks_to_think(policy.fresh(), loop.look(), dt)
-    pilot = LinkPilot(policy.executing(policy.execution, thinking=ticks) if ticks else policy, think_ticks=ticks)
+    own = policy.fresh()
+    own.task = link.spec.task
+    if ticks := 0 if link.lockstep else ticks_to_think(own, loop.look(), dt):
+        own = policy.executing(policy.execution, thinking=ticks)
+        own.task = link.spec.task
+    pilot = LinkPilot(own, think_ticks=ticks)
     pilot.loop = loop
     loop.join() if seed is None else loop.begin(seed)
     pilot.reset()
@@ -85,24 +95,39 @@ def fly(
 
 def main(words: Sequence[str], here: Callable[[], Any] | None = None) -> int:
     """Fly as the words of a command line say, print what came of it, and return the exit status."""
-    said = dict(word.split("=", 1) for word in words if "=" in word)
     try:
-        if missing := [name for name in ("policy", "link") if name not in said]:
-            raise InvalidValueError(f"{missing[0]}=... is missing. {(__doc__ or '').splitlines()[2]}")
+        said, out = _said(words)
         own = {name.removeprefix("link."): _value(value) for name, value in said.items() if name.startswith("link.")}
         settings = registry.get("link", said["link"])(**own)
         policy = load_exported(Path(said["policy"]))
-        link = settings.connect(here or _elsewhere, level=policy.spec.action.level)
         seed = int(said["seed"]) if "seed" in said else None
-        flight = fly(policy, link, seconds=float(said.get("seconds", 30)), seed=seed)
-        link.close()
+        with closing(settings.connect(here or _elsewhere, level=policy.spec.action.level)) as link:
+            flight = fly(policy, link, seconds=float(said.get("seconds", 30)), seed=seed)
     except (AerialError, ValueError, TypeError) as error:
         print(error, file=sys.stderr)
         return 2
-    if "out" in said:
-        flight.save(Path(said["out"]))
+    if out:
+        flight.save(out)
     print(f"{len(flight.actions)} ticks{': ' + flight.why if flight.why else ''}. {flight.loop.timing.summary()}")
     return 0
+
+
+def _said(words: Sequence[str]) -> tuple[dict[str, str], Path | None]:
+    """Return what was said, by its keys, and the file to write, which is not there yet.
+
+    Raises:
+        InvalidValueError: a key is missing or unknown, or the file cannot be written.
+    """
+    usage = (__doc__ or "").splitlines()[2]
+    said = {name: value for name, _, value in (word.partition("=") for word in words)}
+    if unknown := [name for name in said if name not in KEYS and not name.startswith("link.")]:
+        raise InvalidValueError(f"Unknown key {unknown[0]!r}. Valid: {', '.join(KEYS)}, link.KEY. {usage}")
+    if missing := [name for name in ("policy", "link") if name not in said]:
+        raise InvalidValueError(f"{missing[0]}=... is missing. {usage}")
+    out = Path(said["out"]) if "out" in said else None
+    if out and (out.suffix != ".npz" or out.exists() or not out.parent.is_dir()):
+        raise InvalidValueError(f"out={out} must be a new file NAME.npz, in a folder that is there.")
+    return said, out
 
 
 def _elsewhere() -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnv, Observation, Policy, attach, begin_episodes
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.links.loop import RobotLoop, hold_action
+from aerial_il.links.loop import RobotLoop
 from aerial_il.policies.parts.flying import FlyingPolicy, Question
 
 TRIED = 20  # answers that are timed before a flight
@@ -33,7 +33,7 @@ class LinkPilot:
         blend_ticks: over which the step from one chunk to the next is spread; 0: not at all.
 
     Attributes:
-        starved: ticks of the flight in which nothing was planned. troubles: seed -> ticks in which the robot hovered.
+        starved: ticks of the flight in which nothing was planned.
 
     Raises:
         InvalidValueError: thinking for longer is for policies that fly chunks.
@@ -46,7 +46,6 @@ class LinkPilot:
         self._thinker = ThreadPoolExecutor(1, "policy") if think_ticks else None
         self.loop: RobotLoop | None = None
         self.starved = 0
-        self.troubles: dict[int, int] = {}
         self._forget()
 
     @property
@@ -81,9 +80,15 @@ class LinkPilot:
         loop = self.loop
         if loop is None:
             return {}
-        if loop.held:
-            self.troubles[loop.seed] = loop.held
-        return {"held_ticks": loop.held, "starved_ticks": self.starved, "timing": loop.timing.summary()}
+        ticks = {"held_ticks": loop.held, "starved_ticks": self.starved, "think_ticks": self._ticks}
+        return {**ticks, "timing": loop.timing.summary()}
+
+    def objection(self, world: int) -> str:
+        """Return why a success is no demonstration: in held ticks, what is recorded as the action was not sent."""
+        if self.loop is None or not self.loop.held:
+            return ""
+        held, why = self.loop.troubles[self.loop.seed]
+        return f"the robot hovered by itself for {held} ticks: {why}"
 
     def close(self) -> None:
         """Wait for the last thought."""
@@ -143,7 +148,7 @@ class LinkPilot:
         if self._last is not None:
             return self._last
         assert self.loop is not None
-        return hold_action(self.loop.spec, self.loop.obs)[None]
+        return self.loop.hold()[None]
 
     def _smoothed(self, wanted: np.ndarray) -> np.ndarray:
         """Return ``wanted`` (1, Da) and what is left of the step to the newest chunk."""

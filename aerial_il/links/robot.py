@@ -1,7 +1,8 @@
 """A robot of the suite as one meets it over a link: it takes set points at any level, and orders, one tick at a time.
 
 It stands in a cradle where its episode begins, because an arm leaves no room for landing gear: disarmed, it does not
-move. It is released by taking off, and held again when it has come back to within 3 cm, slowly.
+move. It is released by taking off, and held again when it has come back to within 3 cm, slowly, or rests on the ground
+beside.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ START_S = 10.0  # of its clock, which only ever goes on
 TAKE_OFF_M = 0.3  # above the cradle, where no height is asked for
 HIGHEST_M = 2.0  # that may be asked for
 ARRIVED_M, IN_CRADLE_M, SLOW_M_S = 0.05, 0.03, 0.1
+RESTED_TICKS = 50  # within ARRIVED_M: its skids touch the ground before it is there, so it lies there
 ABOVE_M = 0.25  # over the cradle, from where it is lowered into it
 BASE = ActionLevel.BASE_JOINT.label
 
@@ -109,7 +111,7 @@ class SimulatedRobot:
         self._sent: deque[tuple[str, np.ndarray] | None] = deque([None] * done)
         self._newest: tuple[str, np.ndarray] | None = None
         self._setpoint: tuple[str, np.ndarray] | None = None
-        self._heard = self.ticks = 0
+        self._heard = self.ticks = self._rested = 0
         self._result: StepResult | None = None
         self.solved = self._held = False
 
@@ -200,13 +202,15 @@ class SimulatedRobot:
             raise RefusedError("It is not armed.")
         if not 0.0 <= height_m <= (0.0 if self.env.scenario.robot.fixed else HIGHEST_M):
             raise RefusedError(f"height_m is {height_m:g}; it must lie in [0, {HIGHEST_M:g}], 0 for a fixed base.")
-        self._setpoint, self._heard, self._held = None, self.ticks, False
+        target, mode = self._stay(), Mode.TAKING_OFF
         if height_m == 0.0:
-            self.mode = Mode.FLYING
-            self._target = hold_action(self.env.scenario, self.env.simulation.view, 0)
-            return
-        self.mode, self._target = Mode.TAKING_OFF, self._stay()
-        self._target[2] += height_m
+            target, mode = hold_action(self.env.scenario, self.env.simulation.view, 0), Mode.FLYING
+        elif height_m > (room := self._envs[BASE].spec.action.high[2] - target[2]):
+            raise RefusedError(f"height_m is {height_m:g}; its set points end {room:.2f} m above where it stands.")
+        else:
+            target[2] += height_m
+        self._setpoint, self._heard, self._held = None, self.ticks, False
+        self.mode, self._target = mode, target
 
     def _require_air(self, order: Order) -> None:
         if self.mode is Mode.STANDING:
@@ -263,8 +267,10 @@ class SimulatedRobot:
         elif self.mode is Mode.TAKING_OFF and np.linalg.norm(view.base_pos[0] - self._target[:3]) < ARRIVED_M:
             self.mode = Mode.HOLDING
         elif self.mode is Mode.LANDING:
-            near = np.linalg.norm(view.base_pos[0] - self._cradle[0]) < IN_CRADLE_M
-            if self.env.scenario.robot.fixed or (near and np.linalg.norm(view.base_vel[0]) < SLOW_M_S):
+            aside = np.linalg.norm(view.base_pos[0] - self._cradle[0])
+            slow = np.linalg.norm(view.base_vel[0]) < SLOW_M_S
+            self._rested = self._rested + 1 if slow and aside < ARRIVED_M else 0
+            if self.env.scenario.robot.fixed or (slow and aside < IN_CRADLE_M) or self._rested > RESTED_TICKS:
                 self.mode, self.armed = Mode.STANDING, False
 
     def _change(self, level: str) -> None:

@@ -79,10 +79,6 @@ class TakeOver:
         empty = np.full(self._env.spec.action.size, np.nan)
         return (empty if self._turn is None else self._turn.label)[None]
 
-    @property
-    def troubles(self) -> dict[int, int]:
-        return self._pilot.troubles
-
     def attach(self, env: BatchEnv) -> None:
         self._pilot.attach(env)
 
@@ -103,6 +99,7 @@ class TakeOver:
         if self._arbiter is None:
             self._arbiter = self._engaged()
             self._arbiter.engage(obs)
+            self._arbiter.pilot.engage(first_row(obs), self._env.loop.sent)
         frame = self._page.inbox.frame()
         self._turn = turn = self._arbiter.act(frame, obs)
         self._ticks += 1
@@ -113,6 +110,9 @@ class TakeOver:
 
     def made_of(self, world: int) -> Mapping[str, Any]:
         return {**self._pilot.made_of(world), "person_ticks": self._by_person}
+
+    def objection(self, world: int) -> str:
+        return self._pilot.objection(world)
 
     def close(self) -> None:
         self._pilot.close()

@@ -14,6 +14,7 @@ import numpy as np
 
 from aerial_il.core import registry
 from aerial_il.core.composition import build
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
 from aerial_il.teleop.session.clock import Metronome
 
@@ -72,6 +73,9 @@ class Vehicle:
     Args:
         link: to the robot; closed by :meth:`close`, or at the end of a ``with`` block.
 
+    Calls raise :class:`InvalidValueError` for wrong numbers, :class:`RefusedError` where the robot refuses, and
+    :class:`LinkError` where it crashes, is gone, or is not done in ``timeout_s`` of its time.
+
     Example:
         >>> with aerial_il.vehicle(robot="ua_quad_arm4") as vehicle:
         ...     vehicle.arm()
@@ -83,7 +87,8 @@ class Vehicle:
 
     def __init__(self, link: Link) -> None:
         self.link = link
-        self._metronome = None if link.lockstep else Metronome(link.spec.control_dt_s / getattr(link, "speed", 1.0))
+        self._speed: float = getattr(link, "speed", 1.0)
+        self._metronome = None if link.lockstep else Metronome(link.spec.control_dt_s / self._speed)
         self._grip = 1.0
         self._base: np.ndarray | None = None  # (4,) position and heading that were asked for last
 
@@ -128,7 +133,8 @@ class Vehicle:
         timeout_s: float = TIMEOUT_S,
     ) -> None:  # fmt: skip
         """Fly the base to ``position`` (3,) (world, m), turned to ``heading`` (rad; None: as it is)."""
-        wanted = np.array([*position, self._now()[3] if heading is None else heading], float)
+        turned = [] if heading is None else _numbers("heading", [heading], 1)
+        wanted = np.array([*_numbers("position", position, 3), *(self._now()[3:] if heading is None else turned)])
 
         def there(state: State) -> bool:
             turned = abs((state.heading - wanted[3] + np.pi) % (2 * np.pi) - np.pi)
@@ -145,23 +151,26 @@ class Vehicle:
     def fly(self, velocity: Sequence[float], *, yaw_rate: float = 0.0, seconds: float) -> None:
         """Fly at ``velocity`` (3,) (world, m/s) and ``yaw_rate`` (rad/s) for some seconds of the robot's time."""
         joints = np.zeros(self.state.joints.size)
-        action = np.array([*velocity, yaw_rate, *joints, *self._gripper()], float)
-        end = self.state.time_s + seconds
+        aim = *_numbers("velocity", velocity, 3), *_numbers("yaw_rate", [yaw_rate], 1)
+        action = np.array([*aim, *joints, *self._gripper()])
+        end = self.state.time_s + _numbers("seconds", [seconds], 1)[0]
         self._follow("velocity", action, lambda state: state.time_s >= end, "fly on", seconds + TIMEOUT_S)
         self._base = None
 
     def move_arm(self, joints: Sequence[float], *, timeout_s: float = TIMEOUT_S) -> None:
         """Move the arm's joints (J,) to these angles, rad, the base where it is."""
-        wanted = np.asarray(joints, float)
+        wanted = _numbers("joints", joints, self.state.joints.size)
         self._base = self._now()
 
         def there(state: State) -> bool:
-            return state.joints.shape == wanted.shape and bool(np.abs(state.joints - wanted).max() < WITHIN_RAD)
+            return bool(np.abs(state.joints - wanted).max(initial=0.0) < WITHIN_RAD)
 
         self._follow("base_joint", self._posture(wanted), there, f"move the arm to {list(joints)}", timeout_s)
 
     def grip(self, opening: float, *, seconds: float = 0.6) -> None:
         """Open (1) or close (0) the gripper, and give it some seconds of the robot's time."""
+        if not 0.0 <= opening <= 1.0:
+            raise InvalidValueError(f"opening is {opening}; it must lie in [0, 1], 0 closed and 1 open.")
         self._grip = float(opening)
         self.hover(seconds)
 
@@ -170,8 +179,8 @@ class Vehicle:
         timeout_s: float = TIMEOUT_S,
     ) -> None:  # fmt: skip
         """Bring the tool to ``position`` (3,) (world, m) with base and arm together; ``rot6d`` (6,) None: as it is."""
-        turned = self.state.tool_rot6d if rot6d is None else np.asarray(rot6d, float)
-        action = np.array([*position, *turned, *self._gripper()], float)
+        turned = self.state.tool_rot6d if rot6d is None else _numbers("rot6d", rot6d, 6)
+        action = np.array([*_numbers("position", position, 3), *turned, *self._gripper()])
 
         def there(state: State) -> bool:
             return bool(np.linalg.norm(state.tool - action[:3]) < within_m)
@@ -181,8 +190,9 @@ class Vehicle:
 
     def hover(self, seconds: float) -> None:
         """Stay where it is for some seconds of the robot's time."""
+        end = self.state.time_s + _numbers("seconds", [seconds], 1)[0]
         self._base = self._now()
-        end, here = self.state.time_s + seconds, self._posture()
+        here = self._posture()
         self._follow("base_joint", here, lambda state: state.time_s >= end, "hover", seconds + TIMEOUT_S)
 
     def land(self) -> None:
@@ -216,11 +226,12 @@ class Vehicle:
         timeout_s: float = TIMEOUT_S,
     ) -> None:  # fmt: skip
         """Send, and let ticks pass until it is done."""
-        end, started = self.state.time_s + timeout_s, time.perf_counter()
+        end, started = self.state.time_s + _numbers("timeout_s", [timeout_s], 1)[0], time.perf_counter()
         while not done(state := self.state):
             if state.mode is Mode.CRASHED:
                 raise LinkError(f"The robot crashed; it was to {what}.")
-            if state.time_s > end or time.perf_counter() - started > 3 * timeout_s:
+            gone = self._metronome is not None and time.perf_counter() - started > 3 * timeout_s / self._speed
+            if state.time_s > end or gone:
                 raise LinkError(f"The robot did not {what} within {timeout_s:g} s: {_where(state)}.")
             send()
             self._tick()
@@ -268,6 +279,21 @@ def _robot(robot: str = "ua_quad_arm4", task: str | None = None, seed: int = 0, 
 
 def _nobody() -> Any:
     raise AssertionError("a link to a robot that is there makes none")
+
+
+def _numbers(name: str, values: Sequence[float], size: int) -> np.ndarray:
+    """Return finite numbers (size,).
+
+    Raises:
+        InvalidValueError: they are not.
+    """
+    try:
+        numbers = np.asarray(values, float)
+    except (TypeError, ValueError):
+        numbers = np.zeros(0)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise InvalidValueError(f"{name} is {values!r}; it takes {size} finite number{'s' * (size != 1)}.")
+    return numbers
 
 
 def _where(state: State) -> str:

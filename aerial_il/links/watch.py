@@ -22,27 +22,30 @@ class Watch:
 
     Attributes:
         trouble: why the policy is not to fly now; empty if it may. over: whether the flight must end for it.
+        age_s: how long ago the newest reading came, s of the robot's time.
     """
 
     def __init__(self, guard: Guard, spec: EnvSpec) -> None:
         self._guard, self._spec = guard, spec
-        self._stale_ticks = max(1, round(guard.stale_ms / 1000.0 / spec.control_dt_s))
+        self._stale_s = max(guard.stale_ms / 1000.0, spec.control_dt_s) - 0.5 * spec.control_dt_s
         self.begin()
 
     def begin(self) -> None:
         """Begin a flight."""
-        self._last, self._since, self._good = -np.inf, 0, FRESH_TICKS
-        self.trouble, self.over = "", False
+        self._last, self._came_s, self._good = -np.inf, np.nan, FRESH_TICKS
+        self.trouble, self.over, self.age_s = "", False, 0.0
 
-    @property
-    def age(self) -> int:
-        """Ticks since the newest reading came."""
-        return self._since
+    def see(self, reading: Reading | None, now_s: float) -> None:
+        """Take note of the newest reading of this tick, which may be that of an earlier one.
 
-    def see(self, reading: Reading | None) -> None:
-        """Take note of the newest reading of this tick, which may be that of an earlier one."""
+        Args:
+            reading: the newest. now_s: the time at which it is looked at, s, as fast as the robot's: ticks that make up
+                for lost time look at one reading again and again, which is none the older for it.
+        """
         new = reading is not None and reading.stamp_s != self._last
-        self._since = 0 if new else self._since + 1
+        if new or np.isnan(self._came_s):
+            self._came_s = now_s
+        self.age_s = now_s - self._came_s
         problem = self._problem(reading)
         if reading is not None and new:
             self._last = reading.stamp_s
@@ -53,8 +56,8 @@ class Watch:
     def _problem(self, reading: Reading | None) -> str:
         if self.over:
             return self.trouble
-        if reading is None or self._since >= self._stale_ticks:
-            return f"no news of the robot for {1000 * self._since * self._spec.control_dt_s:.0f} ms"
+        if reading is None or self.age_s > self._stale_s:
+            return f"no news of the robot for {1000 * self.age_s:.0f} ms"
         if np.isfinite(self._last) and not 0.0 <= reading.stamp_s - self._last <= JUMP_S:
             return f"the robot's clock jumped by {reading.stamp_s - self._last:.3g} s"
         if missing := [name for name in self._spec.observation.names if name not in reading.obs]:

@@ -79,6 +79,16 @@ class Renderer(mujoco.Renderer):
     an environment that was forgotten, and collected later, took textures and buffers of one still in use with it.
     """
 
+    def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
+        """Return an image as MuJoCo's renderer does, and with EGL let any thread draw the next one."""
+        image = super().render(out=out)
+        if type(self._gl_context).__module__ == "mujoco.egl":
+            from mujoco import egl
+
+            none = egl.EGL.EGL_NO_SURFACE, egl.EGL.EGL_NO_SURFACE, egl.EGL.EGL_NO_CONTEXT
+            egl.EGL.eglMakeCurrent(egl.EGL_DISPLAY, *none)
+        return image
+
     def close(self) -> None:
         """Free what it holds, in its own context."""
         if self._gl_context is not None:
@@ -87,7 +97,7 @@ class Renderer(mujoco.Renderer):
 
 
 class FrameRenderer:
-    """Renders worlds of one model off screen, on the thread that made it.
+    """Renders worlds of one model off screen, for one thread at a time.
 
     Args:
         model: compiled scene. height, width: pixels.

@@ -32,11 +32,12 @@ class Fly:
     """What is flown.
 
     Attributes:
-        policy: a run, a policy, an exported policy, or: hover, random.
+        policy: a run, a policy, an exported policy, or: random, expert (simulated here in lockstep).
         link: to the robot.
         guard: what must hold for the robot to follow the policy; where it does not, it hovers.
         execution: how the policy flies its chunks.
-        think_ms: from what is seen to the answer being flown (null: measured before the flight, 0 if it fits a tick).
+        think_ms: from what is seen to the answer being flown (null: measured before the flight, 0 if it fits a tick or
+            the robot's time waits).
         blend_ms: over which the step between two chunks is spread.
         robot: robot that is simulated here, with link=simulated (null: the one that the policy was trained on).
         task: its task (null: the one that the policy was trained on).
@@ -83,13 +84,13 @@ class Flown:
 
     Attributes:
         collection: the recorded flights. timing: of all ticks. think_ticks: that the policy was given.
-        troubles: flights in which the guard objected, with the ticks for which the robot hovered.
+        troubles: seed -> ticks for which the robot hovered by itself, and why, of flights in which the guard objected.
     """
 
     collection: Collection
     timing: Timing
     think_ticks: int
-    troubles: dict[int, int]
+    troubles: dict[int, tuple[int, str]]
 
 
 def fly(settings: Fly) -> Flown:
@@ -101,23 +102,25 @@ def fly(settings: Fly) -> Flown:
     from aerial_il.collection.collect import collect
     from aerial_il.links.environment import LinkedEnvironment
     from aerial_il.links.loop import Timing
+    from aerial_il.links.vehicle import land
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts import pilots
 
     known = pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)
     link = settings.link.connect(lambda: _robot(settings, known), level=known.reference.action)
     with closing(LinkedEnvironment(link, settings.guard)) as env:
+        _require_robot(settings, env)
         seeds = range(settings.seed, settings.seed + settings.episodes)
         pilot, ticks = _pilot(settings, known.policy, env)
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
-                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, ticks),
-                progress=settings.progress, called="fly",
+                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings), progress=settings.progress,
+                called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
-        if settings.land:
-            _land(env)
-    return Flown(flown, sum(env.loop.timings, Timing()), ticks, pilot.troubles)
+        if settings.land and flown.flights:
+            land(link)
+    return Flown(flown, sum(env.loop.timings, Timing()), ticks, env.loop.troubles)
 
 
 def _robot(settings: Fly, pilot: Any) -> Any:
@@ -133,6 +136,14 @@ def _robot(settings: Fly, pilot: Any) -> Any:
     )  # fmt: skip
 
 
+def _require_robot(settings: Fly, env: LinkedEnvironment) -> None:
+    """Refuse a robot that is another than was asked for: one that is elsewhere is as it was started."""
+    for name in ("robot", "task", "tier"):
+        asked, is_so = getattr(settings, name), getattr(env.spec, name)
+        if asked not in (is_so, getattr(Fly, name)) and not isinstance(settings.link, Simulated):
+            raise InvalidValueError(f"{name}={asked} was asked for; over link={settings.link.name} there is {is_so}.")
+
+
 def _pilot(settings: Fly, policy: Policy, env: LinkedEnvironment) -> tuple[LinkPilot, int]:
     """Return what flies, and the ticks that it is given to think."""
     from aerial_il.links.pilot import LinkPilot, ticks_to_think
@@ -145,10 +156,11 @@ def _pilot(settings: Fly, policy: Policy, env: LinkedEnvironment) -> tuple[LinkP
             raise InvalidValueError(f"execution is for policies that fly chunks; policy={settings.policy} does not.")
         return LinkPilot(policy, think_ticks=round((settings.think_ms or 0.0) / 1000.0 / dt), blend_ticks=blend), 0
     policy.check(env.spec)
-    if settings.think_ms is None:
-        ticks = ticks_to_think(policy.fresh(), env.loop.look(), dt)
-    else:
-        ticks = round(settings.think_ms / 1000.0 / dt)
+    ticks = round((settings.think_ms or 0.0) / 1000.0 / dt)
+    if settings.think_ms is None and not env.loop.link.lockstep:
+        tried = policy.fresh()
+        tried.attach(env)
+        ticks = ticks_to_think(tried, env.loop.look(), dt)
     if settings.execution != AS_TRAINED or ticks:
         policy = policy.executing(settings.execution, settings.latency, thinking=ticks)
     return LinkPilot(policy, think_ticks=ticks, blend_ticks=blend), ticks
@@ -175,16 +187,9 @@ def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterato
         yield shared, f"{settings.policy} with {HUMAN}{operator}"
 
 
-def _said(settings: Fly, ticks: int) -> dict[str, Any]:
-    """Return what changes a flight, as recordings keep it."""
+def _said(settings: Fly) -> dict[str, Any]:
+    """Return what was asked for that changes a flight: the same command goes on, whatever is measured on the way."""
     link = settings.link
     own = {f"link.{name}": value for name, value in asdict(link).items() if value != getattr(type(link), name)}
     said = {"link": link.name, **own, **settings.latency.said, **settings.execution.said}
-    return said | {name: value for name, value in (("think_ticks", ticks), ("blend_ms", settings.blend_ms)) if value}
-
-
-def _land(env: LinkedEnvironment) -> None:
-    """Land, and wait until the robot stands."""
-    from aerial_il.links.vehicle import land
-
-    land(env.loop.link)
+    return said | {name: value for name in ("think_ms", "blend_ms") if (value := getattr(settings, name))}

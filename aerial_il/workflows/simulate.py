@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 
 from aerial_il.core.latency import NO_LATENCY, Latency
@@ -58,6 +58,6 @@ def simulate(settings: Simulate) -> None:
         settings.robot, settings.task, tier=settings.tier, level=settings.action, controller=settings.controller,
         cameras=settings.cameras, image_size=settings.image_size, latency=settings.latency,
     )  # fmt: skip
-    with closing(robot):
+    with closing(robot), suppress(KeyboardInterrupt):
         robot.reset(settings.seed)
         settings.link.serve(robot)

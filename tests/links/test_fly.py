@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from aerial_il import load_batch
+from aerial_il import experts, load_batch
 from aerial_il.cli.main import main
+from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.folder import FAILURES
+from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.guard import Guard
@@ -28,15 +33,17 @@ from aerial_il.policies.parts.execution import Execution
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
+from aerial_il.policies.parts.tasks import united
 from aerial_il.suite.late import late
+from aerial_il.workflows.fly import Fly
 
 ROBOT, TASK = "ua_quad_arm4", "reach"
 TOOL_ALONE = ("base_*", "joint_*", "wrist_force")
 
 
-def fresh_policy(name: str, **settings: object) -> ChunkPolicy:
+def fresh_policy(name: str, *, spec: EnvSpec | None = None, **settings: object) -> ChunkPolicy:
     """Return an untrained policy of the robot, which hovers about, as all that it says is relative to its tool."""
-    spec = load_batch(ROBOT, TASK, num_envs=1, num_threads=1).spec
+    spec = spec or load_batch(ROBOT, TASK, num_envs=1, num_threads=1).spec
     small = {"chunk": 16, "execute": 4, "ensemble": None, "relative": True, "masked_fields": TOOL_ALONE}
     config = get(name)(**{**small, **settings})
     layout, size = Layout.of(spec, config), spec.action.size
@@ -119,17 +126,73 @@ def test_set_points_and_readings_may_be_lost() -> None:
     env = linked(Simulated(loss=0.05))
     result = evaluate(env, LinkPilot(fresh_policy("mlp")), [0], policy_name="a", progress=False)
     assert result.episodes[0].steps > 50
-    assert max(env.loop.timing.age) >= 1
+    assert max(env.loop.timing.age_s) >= env.spec.control_dt_s
     assert env.loop.held == 0
 
 
 def test_beyond_the_fence_the_flight_ends() -> None:
-    env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0)))
+    env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.4)))
     env.reset(0)
-    result = env.step(still(env))
-    assert result.terminated[0]
+    up = still(env) + np.array([0.0, 0.0, 0.4, *[0.0] * 7])
+    result = next(result for result in (env.step(up) for _ in range(200)) if result.terminated[0])
     assert "beyond the fence" in env.loop.trouble
+    assert "beyond the fence" in env.loop.troubles[0][1]
     assert not result.info["crash"][0]
+
+
+def test_a_fence_within_which_it_does_not_start_is_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"beyond the fence. Set guard\.fence"):
+        linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0))).reset(0)
+
+
+def test_a_robot_that_is_gone_ends_the_flight() -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(20, 10_000)
+    env = LinkedEnvironment(link)
+    with pytest.raises(LinkError, match="is lost: no news of the robot for 5"):
+        evaluate(env, LinkPilot(fresh_policy("mlp")), [0], policy_name="a", progress=False)
+
+
+def test_a_reading_of_an_earlier_episode_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = linked()
+    env.reset(1)
+    stale = env.loop.link.read()
+    monkeypatch.setattr(env.loop.link, "read", lambda: stale)
+    with pytest.raises(LinkError, match="10 s after"):
+        env.reset(2)
+
+
+def test_a_success_after_held_ticks_is_no_demonstration(tmp_path: Path) -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(30, 45)
+    env = LinkedEnvironment(link)
+    flown = collect(env, LinkPilot(experts.make(ROBOT, TASK)), [0], tmp_path, progress=False)
+    (path,) = flown.folder.files(FAILURES)
+    note = read_episode(path).provenance["note"]
+    assert flown.failures == [0]
+    assert "hovered by itself for" in note
+    assert "no news" in note
+
+
+def test_what_is_gripped_stays_gripped_after_trouble() -> None:
+    link = Mute(SimulatedRobot(ROBOT, TASK))
+    link.silent = range(40, 60)
+    env = LinkedEnvironment(link)
+    obs = env.reset(0)
+    pilot = LinkPilot(fresh_policy("mlp").executing(Execution(), thinking=3), think_ticks=3)
+    pilot.attach(env)
+    pilot.reset()
+    closed = still(env)
+    closed[0, -1] = 0.0
+    starved = 0
+    for _ in range(80):
+        said = pilot.act(obs)
+        if pilot.starved > starved > 3:
+            assert said[0, -1] == 0.0, "as it was commanded last"
+        starved = pilot.starved
+        obs = env.step(closed).obs
+    pilot.close()
+    assert starved == 6, "it thought anew"
 
 
 def test_a_clock_that_jumps_is_trouble() -> None:
@@ -139,10 +202,22 @@ def test_a_clock_that_jumps_is_trouble() -> None:
     assert reading is not None
     seen = []
     for stamp in (1.0, 1.02, 0.5, 0.52, 30.0, *np.arange(30.02, 30.2, 0.02)):
-        watch.see(Reading(reading.obs, stamp, Mode.FLYING, armed=True))
+        watch.see(Reading(reading.obs, stamp, Mode.FLYING, armed=True), stamp)
         seen.append("jumped" in watch.trouble)
     assert seen[:5] == [False, False, True, True, True]
     assert not seen[-1], "a few readings later it is over"
+
+
+def test_a_reading_does_not_age_while_lost_ticks_are_made_up_for() -> None:
+    env = linked()
+    env.reset(0)
+    reading, watch = env.loop.link.read(), Watch(Guard(), env.spec)
+    assert reading is not None
+    for now_s in (1.0, *[1.3] * 10, 1.34, 1.36):
+        watch.see(replace(reading, stamp_s=min(now_s, 1.3)), now_s)
+        assert not watch.trouble
+    watch.see(replace(reading, stamp_s=1.3), 1.38)
+    assert watch.trouble == "no news of the robot for 80 ms"
 
 
 def test_who_lands_it_ends_the_flight() -> None:
@@ -206,6 +281,18 @@ def test_in_real_time_ticks_are_counted(tmp_path: Path) -> None:
     assert said["work_ms_p50"] > 0.0
 
 
+@pytest.mark.render
+def test_images_are_shown_in_real_time() -> None:
+    env = linked(Simulated(clock="wall"), cameras=("wrist",), image_size=(30, 40))
+    for seed in (0, 1):  # a reset draws on this thread, flying on the robot's
+        first = env.reset(seed)["wrist_rgb"]
+        for _ in range(10):
+            shown = env.step(still(env)).obs["wrist_rgb"]
+    env.close()
+    assert shown.shape == first.shape == (1, 30, 40, 3)
+    assert shown.std() > 0.0
+
+
 def test_the_command_records_what_trains(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     fresh_policy("mlp").save(tmp_path / "policy")
     out = tmp_path / "flown"
@@ -218,6 +305,21 @@ def test_the_command_records_what_trains(tmp_path: Path, capsys: pytest.CaptureF
     assert main(["validate", str(out), "replay=true", "progress=false"]) == 0
     assert main(typed) == 0, "what is flown is not flown again"
     assert "2 flights were there already" in capsys.readouterr().out
+
+
+def test_a_policy_of_several_tasks_flies_in_real_time(tmp_path: Path) -> None:
+    specs = [load_batch(ROBOT, task, num_envs=1, num_threads=1).spec for task in (TASK, "press_button")]
+    fresh_policy("mlp", spec=united(specs)).save(tmp_path / "policy")
+    clock = ["link.clock=wall", "link.speed=8", "guard.fence=[-1,-1,0,1,1,1.6]"]
+    typed = ["fly", f"policy={tmp_path / 'policy'}", f"task={TASK}", "seed=0", *clock, "progress=false"]
+    assert main([*typed, f"out={tmp_path / 'flown'}"]) == 0
+    assert len([*(tmp_path / "flown").glob("*/*.mcap")]) == 1
+
+
+@pytest.mark.parametrize("key", ["think_ms", "blend_ms"])
+def test_nan_is_refused(tmp_path: Path, key: str) -> None:
+    with pytest.raises(InvalidValueError, match=f"{key}=nan"):
+        Fly(policy="random", out=str(tmp_path), **{key: np.nan})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_policy_of_another_robot_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

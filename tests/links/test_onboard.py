@@ -73,6 +73,10 @@ def test_another_robot_is_refused(exported: Path) -> None:
         (["link=simulated"], "policy=... is missing"),
         (["policy=x", "link=pigeon"], "Unknown link"),
         (["policy=nowhere", "link=simulated"], "nowhere"),
+        (["policy=x", "link=simulated", "second=3"], "Unknown key 'second'"),
+        (["policy=x", "link=simulated", "--help"], "Unknown key '--help'"),
+        (["policy=x", "link=simulated", "out=nowhere/flight.npz"], "a new file NAME.npz"),
+        (["policy=x", "link=simulated", "out=flight.csv"], "a new file NAME.npz"),
     ],
 )
 def test_what_is_wrong_is_said(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -127,6 +127,26 @@ def test_what_cannot_be_done_is_refused(robot: SimulatedRobot, order: Order, num
         robot.order(order, **numbers)
 
 
+def test_a_height_beyond_its_set_points_is_refused(robot: SimulatedRobot) -> None:
+    robot.order(Order.ARM)
+    with pytest.raises(RefusedError, match=r"set points end 1\.\d+ m above"):
+        robot.order(Order.TAKE_OFF, height_m=2.0)
+    assert robot.mode is Mode.STANDING
+
+
+def test_it_has_landed_when_its_skids_rest_beside_the_cradle() -> None:
+    robot = SimulatedRobot("quad", "take_off", tier="gusts")
+    robot.reset(2)
+    flying(robot)
+    aside = np.array([*(robot.reading().obs["base_pos"] + [0.3, 0.2, 0.7]), 0.0])
+    for _ in range(100):
+        robot.command("base_joint", aside)
+        robot.tick()
+    robot.order(Order.LAND)
+    until(robot, Mode.STANDING)
+    assert not robot.armed
+
+
 def test_in_the_air_it_is_not_disarmed_nor_takes_off(robot: SimulatedRobot) -> None:
     flying(robot)
     for order in (Order.DISARM, Order.TAKE_OFF):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 
@@ -56,9 +58,36 @@ def test_what_does_not_arrive_or_is_refused_is_said() -> None:
         vehicle.take_off()
         with pytest.raises(LinkError, match=r"did not reach .* within 2 s: base at"):
             vehicle.go_to([50.0, 0.0, 1.0], timeout_s=2.0)
-        with pytest.raises(RefusedError, match="takes 9 numbers"):
-            vehicle.move_arm([0.0, 0.0])
         vehicle.land()
+
+
+@pytest.mark.parametrize(
+    ("call", "numbers", "word"),
+    [
+        ("go_to", {"position": [1.0, 2.0]}, "position is .* 3 finite numbers"),
+        ("go_to", {"position": [np.nan, 0.0, 1.0]}, "position"),
+        ("go_to", {"position": [0.0, 0.0, 1.0], "heading": np.inf}, "heading is .* 1 finite number"),
+        ("go_to", {"position": [0.0, 0.0, 1.0], "timeout_s": np.nan}, "timeout_s"),
+        ("move_arm", {"joints": [0.0, 0.0]}, "joints is .* 4 finite numbers"),
+        ("tool_to", {"position": "up"}, "position"),
+        ("tool_to", {"position": [0.0, 0.0, 1.0], "rot6d": [1.0, 0.0, 0.0]}, "rot6d"),
+        ("fly", {"velocity": [0.0, 0.0, 0.0], "seconds": np.nan}, "seconds"),
+        ("hover", {"seconds": np.nan}, "seconds"),
+        ("grip", {"opening": np.nan}, "opening"),
+    ],
+)
+def test_wrong_numbers_are_refused_and_change_nothing(hovering: Vehicle, call: str, numbers: dict, word: str) -> None:
+    with pytest.raises(InvalidValueError, match=word):
+        getattr(hovering, call)(**numbers)
+    hovering.hover(0.1)
+
+
+@pytest.fixture(scope="module")
+def hovering() -> Iterator[Vehicle]:
+    with aerial_il.vehicle() as vehicle:
+        vehicle.arm()
+        vehicle.take_off()
+        yield vehicle
 
 
 def test_a_crash_ends_a_command() -> None:

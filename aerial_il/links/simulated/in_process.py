@@ -27,7 +27,7 @@ class SimulatedLink:
     def __init__(self, robot: SimulatedRobot, *, lockstep: bool = True, speed: float = 1.0, loss: float = 0.0) -> None:
         self.robot, self.lockstep, self.speed = robot, lockstep, speed
         self._loss, self._rng = loss, np.random.default_rng(0)
-        self._lock, self._ended = threading.RLock(), threading.Event()
+        self._lock, self._ended = threading.Lock(), threading.Event()
         self._newest = robot.reading()
         self._error: BaseException | None = None
         self._thread = None if self.lockstep else threading.Thread(target=self._run, name="robot", daemon=True)
@@ -56,10 +56,11 @@ class SimulatedLink:
                 self._rng = np.random.default_rng(int(numbers.get("seed", 0)))
 
     def step(self) -> None:
-        """Let 20 ms pass; only in lockstep."""
-        self.robot.tick()
-        if self._arrives():
-            self._newest = self.robot.reading()
+        """Let 20 ms pass; for others, only in lockstep."""
+        with self._lock:
+            self.robot.tick()
+            if self._arrives():
+                self._newest = self.robot.reading()
 
     def close(self) -> None:
         self._ended.set()
@@ -75,7 +76,6 @@ class SimulatedLink:
         try:
             while not self._ended.is_set():
                 metronome.wait()
-                with self._lock:
-                    self.step()
+                self.step()
         except BaseException as error:  # whoever reads hears of it
             self._error = error

@@ -32,7 +32,7 @@ def at_least(settings: Any, **limits: float) -> None:
     """Refuse values below their limits, e.g. ``at_least(self, episodes=1, seed=0)``, or beyond what any may be."""
     for name, limit in limits.items():
         value = getattr(settings, name)
-        if value is not None and value < limit:
+        if value is not None and not value >= limit:  # nor NaN
             raise InvalidValueError(f"{name}={value} is too small: the minimum is {limit}.")
         if value is not None and name in MOST and value > MOST[name]:
             raise InvalidValueError(f"{name}={value} is too large: the maximum is {MOST[name]}.")

@@ -76,10 +76,16 @@ def test_images_belong_to_their_reading(serve):
     serve(ROBOT, TASK, "/one", 1, "wrist", "wrist:depth")
     robot, link = SimulatedRobot(ROBOT, TASK, cameras=("wrist", "wrist:depth"), image_size=(24, 32)), Ros2Link("/one")
     assert link.spec == robot.spec
-    shown, own = link.read(), robot.reading()
-    for name in ("wrist_rgb", "wrist_depth"):
-        assert shown.obs[name].dtype == own.obs[name].dtype
-        assert shown.obs[name].tobytes() == own.obs[name].tobytes()
+    for seed in (0, 3):  # a reset draws on another thread than a tick
+        link.order(Order.RESET, seed=seed)
+        robot.reset(seed)
+        shown, own = link.read(), robot.reading()
+        for name in ("wrist_rgb", "wrist_depth"):
+            assert shown.obs[name].dtype == own.obs[name].dtype
+            assert shown.obs[name].tobytes() == own.obs[name].tobytes()
+    link.order(Order.ARM)
+    link.order(Order.TAKE_OFF)
+    assert link.read().mode is Mode.TAKING_OFF
     link.close()
     robot.close()
 

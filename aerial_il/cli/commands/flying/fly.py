@@ -23,8 +23,8 @@ def run(settings: Fly) -> None:
     print(f"Recordings: {flown.collection.folder.path}")
     _say_successes(flown)
     _say_time(flown)
-    for seed, ticks in flown.troubles.items():
-        print(f"Seed {seed}: the robot hovered for {ticks} ticks while something was wrong with it.")
+    for seed, (ticks, why) in flown.troubles.items():
+        print(f"Seed {seed}: {why}; the robot hovered by itself for {ticks} ticks.")
 
 
 def _say_successes(flown: Flown) -> None:
@@ -35,6 +35,8 @@ def _say_successes(flown: Flown) -> None:
     if total:
         ends = wilson(won, total)
         print(f"Success {won} of {total} ({100 * ends.lo:.1f} to {100 * ends.hi:.1f} %).")
+    if objected := sum(flight.failure == "other" for flight in done.flights.values()):
+        print(f"{objected} more came to the goal, but the robot had hovered by itself on the way: they do not count.")
     if done.skipped:
         print(f"{len(done.skipped)} flights were there already.")
 
