@@ -116,8 +116,8 @@ def fly(settings: Fly) -> Flown:
         pilot, ticks = _pilot(settings, known.policy, env)
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
-                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings),
-                progress=settings.progress, called="fly",
+                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings), progress=settings.progress,
+                called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
         if settings.land and flown.flights:
