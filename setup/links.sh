@@ -20,3 +20,4 @@ rm -f $stamp
 "$uv" pip install --quiet --python $venv/bin/python --no-build-isolation --constraint requirements.lock \
     --editable '.[export,ros2,mavlink]'
 printf '%s' "$now" > $stamp
+printf 'Now: source %s/bin/activate\n' "$venv" >&2

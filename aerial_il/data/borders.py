@@ -97,7 +97,8 @@ def _broken(raw: Raw) -> np.ndarray:
     for name, after in raw.next_obs.items():
         if name not in raw.obs or isinstance(after, Later) or isinstance(seen := raw.obs[name], Later):
             continue
-        now, then = (values.reshape(len(values), -1).astype(float) for values in (seen[1 : len(after)], after[:-1]))
-        if now.size:
+        pair = seen[1 : len(after)], after[:-1]
+        if min(values.size for values in pair):
+            now, then = (values.reshape(len(values), -1).astype(float) for values in pair)
             broken |= (np.abs(now - then) > SAME * np.ptp(now, axis=0)).any(1)
     return broken

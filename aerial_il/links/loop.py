@@ -186,7 +186,8 @@ class RobotLoop:
         ):
             if self.link.lockstep or time.perf_counter() > until:
                 mode = "shows nothing" if reading is None else f"is {reading.mode}"
-                raise LinkError(f"The robot {mode}, {PATIENCE_S:g} s after it was asked.")
+                hint = " Take it off first." if reading is not None and reading.mode is Mode.STANDING else ""
+                raise LinkError(f"The robot {mode}, {PATIENCE_S:g} s after it was asked.{hint}")
             time.sleep(POLL_S)
         return reading
 

@@ -15,11 +15,14 @@ import numpy as np
 from aerial_il.core import registry
 from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.links.link import Link, LinkError, Mode, Order, Reading
+from aerial_il.core.specs import ActionSpec
+from aerial_il.links.link import LINKED_LEVELS, Link, LinkError, Mode, Order, Reading, RefusedError
 from aerial_il.teleop.session.clock import Metronome
 
 WITHIN_M, WITHIN_RAD = 0.05, 0.05  # where somewhere has been reached
 TIMEOUT_S = 20.0
+LOST_S = 5.0  # without news
+BEYOND = 0.03  # m or rad by which what is measured may lie beyond a bound
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,7 @@ class Vehicle:
         self.link = link
         self._speed: float = getattr(link, "speed", 1.0)
         self._metronome = None if link.lockstep else Metronome(link.spec.control_dt_s / self._speed)
-        self._grip = 1.0
+        self._specs, self._grip = _specs_of(link.spec.robot), 1.0
         self._base: np.ndarray | None = None  # (4,) position and heading that were asked for last
 
     def __enter__(self) -> Vehicle:
@@ -141,7 +144,7 @@ class Vehicle:
             return bool(np.linalg.norm(state.position - wanted[:3]) < within_m and turned < WITHIN_RAD)
 
         self._base = wanted
-        self._follow("base_joint", self._posture(), there, f"reach {list(position)}", timeout_s)
+        self._follow("base_joint", self._posture(), there, f"reach {_short(position)}", timeout_s)
 
     def follow(self, path: Iterable[Sequence[float]], *, within_m: float = 0.15) -> None:
         """Fly the base through points (3,) or (4,) with headings, each as soon as the last is within ``within_m``."""
@@ -165,7 +168,7 @@ class Vehicle:
         def there(state: State) -> bool:
             return bool(np.abs(state.joints - wanted).max(initial=0.0) < WITHIN_RAD)
 
-        self._follow("base_joint", self._posture(wanted), there, f"move the arm to {list(joints)}", timeout_s)
+        self._follow("base_joint", self._posture(wanted), there, f"move the arm to {_short(joints)}", timeout_s)
 
     def grip(self, opening: float, *, seconds: float = 0.6) -> None:
         """Open (1) or close (0) the gripper, and give it some seconds of the robot's time."""
@@ -185,7 +188,7 @@ class Vehicle:
         def there(state: State) -> bool:
             return bool(np.linalg.norm(state.tool - action[:3]) < within_m)
 
-        self._follow("ee_pose", action, there, f"bring the tool to {list(position)}", timeout_s)
+        self._follow("ee_pose", action, there, f"bring the tool to {_short(position)}", timeout_s)
         self._base = None
 
     def hover(self, seconds: float) -> None:
@@ -219,6 +222,13 @@ class Vehicle:
     def _follow(
         self, level: str, action: np.ndarray, done: Callable[[State], bool], what: str, timeout_s: float
     ) -> None:
+        if self.state.mode is Mode.STANDING:
+            raise RefusedError("It stands: arm() and take_off() first.")
+        spec = self._specs.get(level)
+        if spec and action.shape == (spec.size,) and not np.allclose(within := spec.clip(action), action, atol=BEYOND):
+            k = int(np.argmax(np.abs(within - action)))
+            ends = f"[{spec.low[k]:.3g}, {spec.high[k]:.3g}]"
+            raise RefusedError(f"To {what}, {spec.labels[k]} would be {action[k]:.3g}; it must lie in {ends}.")
         self._wait(done, what, lambda: self.link.send(level, action), timeout_s)
 
     def _wait(
@@ -226,12 +236,15 @@ class Vehicle:
         timeout_s: float = TIMEOUT_S,
     ) -> None:  # fmt: skip
         """Send, and let ticks pass until it is done."""
-        end, started = self.state.time_s + _numbers("timeout_s", [timeout_s], 1)[0], time.perf_counter()
+        end, heard, last = self.state.time_s + _numbers("timeout_s", [timeout_s], 1)[0], time.perf_counter(), -np.inf
         while not done(state := self.state):
             if state.mode is Mode.CRASHED:
                 raise LinkError(f"The robot crashed; it was to {what}.")
-            gone = self._metronome is not None and time.perf_counter() - started > 3 * timeout_s / self._speed
-            if state.time_s > end or gone:
+            if state.time_s != last:
+                heard, last = time.perf_counter(), state.time_s
+            if self._metronome is not None and time.perf_counter() - heard > LOST_S:
+                raise LinkError(f"The robot is lost: no news of it for {LOST_S:g} s. It was to {what}.")
+            if state.time_s > end:
                 raise LinkError(f"The robot did not {what} within {timeout_s:g} s: {_where(state)}.")
             send()
             self._tick()
@@ -254,6 +267,8 @@ def connect(link: str = "simulated", **settings: Any) -> Vehicle:
         LinkError: no robot answers. UnknownNameError, InvalidValueError: a setting is unknown or wrong.
     """
     kind = registry.get("link", link)
+    if link == "mavlink" and "robot" not in settings:
+        raise InvalidValueError("link=mavlink: say whose autopilot sends here, robot=NAME; see aerial-il list.")
     if link != "simulated":
         return Vehicle(build(kind, settings).connect(_nobody))
     names = ("robot", "task", "tier", "latency", "seed", "controller")
@@ -277,6 +292,17 @@ def _robot(robot: str = "ua_quad_arm4", task: str | None = None, seed: int = 0, 
     return made
 
 
+def _specs_of(robot: str) -> dict[str, ActionSpec]:
+    """Return the bounds of a robot's set points, by level; none of one that is not registered."""
+    from aerial_il import robots
+    from aerial_il.control.actions import ActionLevel, action_spec
+
+    if robot not in robots.names():
+        return {}
+    vehicle = robots.get(robot).vehicle
+    return {level: action_spec(ActionLevel.parse(level), vehicle) for level in LINKED_LEVELS}
+
+
 def _nobody() -> Any:
     raise AssertionError("a link to a robot that is there makes none")
 
@@ -294,6 +320,10 @@ def _numbers(name: str, values: Sequence[float], size: int) -> np.ndarray:
     if numbers.shape != (size,) or not np.isfinite(numbers).all():
         raise InvalidValueError(f"{name} is {values!r}; it takes {size} finite number{'s' * (size != 1)}.")
     return numbers
+
+
+def _short(values: Sequence[float]) -> list[float]:
+    return [round(float(value), 3) for value in values]
 
 
 def _where(state: State) -> str:

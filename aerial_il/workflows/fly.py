@@ -47,6 +47,7 @@ class Fly:
         out: folder of the recordings, a dataset.
         episodes: number of flights, one for each seed.
         seed: first seed; it sets the scene of a simulated robot.
+        mix: add to a dataset that was flown otherwise.
         land: land after the last flight.
         page: serve a page to watch on and to take over from the policy; while nobody watches, the robot hovers.
         port: of that page (0: any that is free).
@@ -68,6 +69,7 @@ class Fly:
     out: str
     episodes: int = 1
     seed: int = 10_000
+    mix: bool = False
     land: bool = True
     page: bool = False
     port: int = 8642
@@ -117,7 +119,7 @@ def fly(settings: Fly) -> Flown:
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
                 env, flier, seeds, settings.out, policy_name=name, settings=_said(settings), progress=settings.progress,
-                called="fly",
+                mix=settings.mix, called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
         if settings.land and flown.flights:

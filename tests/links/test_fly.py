@@ -310,7 +310,7 @@ def test_the_command_records_what_trains(tmp_path: Path, capsys: pytest.CaptureF
 def test_a_policy_of_several_tasks_flies_in_real_time(tmp_path: Path) -> None:
     specs = [load_batch(ROBOT, task, num_envs=1, num_threads=1).spec for task in (TASK, "press_button")]
     fresh_policy("mlp", spec=united(specs)).save(tmp_path / "policy")
-    clock = ["link.clock=wall", "link.speed=8", "guard.fence=[-1,-1,0,1,1,1.6]"]
+    clock = ["link.clock=wall", "link.speed=8", "think_ms=0", "guard.fence=[-1,-1,0,1,1,1.6]"]
     typed = ["fly", f"policy={tmp_path / 'policy'}", f"task={TASK}", "seed=0", *clock, "progress=false"]
     assert main([*typed, f"out={tmp_path / 'flown'}"]) == 0
     assert len([*(tmp_path / "flown").glob("*/*.mcap")]) == 1

@@ -54,10 +54,14 @@ def test_what_does_not_arrive_or_is_refused_is_said() -> None:
     with aerial_il.vehicle() as vehicle:
         with pytest.raises(RefusedError, match="not armed"):
             vehicle.take_off()
+        with pytest.raises(RefusedError, match="take_off"):
+            vehicle.go_to([0.0, 0.0, 1.5])
         vehicle.arm()
         vehicle.take_off()
         with pytest.raises(LinkError, match=r"did not reach .* within 2 s: base at"):
-            vehicle.go_to([50.0, 0.0, 1.0], timeout_s=2.0)
+            vehicle.go_to([2.9, 0.0, 1.0], timeout_s=2.0)
+        with pytest.raises(RefusedError, match=r"base_x would be 50; it must lie in \[-3, 3\]"):
+            vehicle.go_to([50.0, 0.0, 1.0])
         vehicle.land()
 
 

@@ -35,7 +35,8 @@ def dialect() -> Any:
         return import_module("pymavlink.dialects.v20.common")
     except ImportError as error:
         raise InvalidValueError(
-            "MAVLink needs pymavlink, which is not installed: pip install 'aerial_il[mavlink]'"
+            "MAVLink needs pymavlink, which is not installed: make setup-links in a checkout, or "
+            "pip install 'aerial_il[mavlink]'"
         ) from error
 
 

@@ -46,7 +46,7 @@ def ros() -> Any:
     except ImportError as error:
         raise InvalidValueError(
             f"link=ros2 needs ROS 2 ({error}). Source your ROS (source /opt/ros/DISTRO/setup.bash), or "
-            "pip install 'aerial_il[ros2]'."
+            "make setup-links in a checkout, or pip install 'aerial_il[ros2]'."
         ) from error
 
 

@@ -6,6 +6,7 @@ services of the orders and the parameters of their numbers.
 
 from __future__ import annotations
 
+import atexit
 import json
 import threading
 import time
@@ -51,6 +52,7 @@ class Ros2Link:
         self._problem: AerialError | None = None
         self._served = Served("link", namespace)
         self._node = self._served.node
+        atexit.register(self.close)  # a script that ends without closing it would abort
         try:
             self._open(level)
         except BaseException:
@@ -125,6 +127,7 @@ class Ros2Link:
 
     def close(self) -> None:
         """Give up the link; a robot in the air hears no more, and hovers."""
+        atexit.unregister(self.close)
         self._served.close()
 
     def _open(self, level: str | None) -> None:

@@ -156,3 +156,9 @@ def test_what_is_no_transitions_is_refused(
     arrays = {name: values for name, values in {**flown, **changed}.items() if values is not None}
     with pytest.raises(DemoError, match=said):
         open_dataset(npz(tmp_path, arrays))
+
+
+def test_an_episode_of_one_step_opens(tmp_path: Path) -> None:
+    one = {"observations": np.zeros((1, 3)), "next_observations": np.ones((1, 3)), "actions": np.zeros((1, 2))}
+    np.savez(tmp_path / "one.npz", truncations=np.ones(1, bool), timestamps=np.zeros(1), **one)
+    assert len(open_dataset(tmp_path / "one.npz")) == 1

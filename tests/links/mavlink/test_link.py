@@ -117,6 +117,15 @@ def test_from_elsewhere_it_shows_itself_and_no_objects() -> None:
         bench.close()
 
 
+def test_the_autopilot_of_another_arm_is_refused() -> None:
+    bench = Bench("big_four_z1", TASK, port=14_573, place="mocap")
+    try:
+        with pytest.raises(LinkError, match="6 joints answers, and 4 were expected"):
+            Mavlink(robot=ROBOT, port=14_573).connect(lambda: pytest.fail("none is made here"))
+    finally:
+        bench.close()
+
+
 def test_a_served_robot_is_flown_from_another_process() -> None:
     command = [sys.executable, "-m", "aerial_il", "simulate", "link=mavlink", "link.port=14572", f"robot={ROBOT}"]
     robot = subprocess.Popen([*command, "task=reach"])
@@ -134,6 +143,11 @@ def test_a_served_robot_is_flown_from_another_process() -> None:
 def test_where_no_autopilot_sends_it_is_said() -> None:
     with pytest.raises(LinkError):
         Mavlink(robot=ROBOT, port=FREE_PORT, patience_s=0.2).connect(lambda: pytest.fail("none is made here"))
+
+
+def test_a_script_says_whose_autopilot_it_is() -> None:
+    with pytest.raises(InvalidValueError, match="robot=NAME"):
+        aerial_il.vehicle("mavlink")
 
 
 @pytest.mark.parametrize("settings", [{"place": "stars"}, {"speed": 0.0}, {"port": 70_000}])
