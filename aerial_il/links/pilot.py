@@ -123,10 +123,7 @@ class LinkPilot:
         policy = self.policy
         if not self._blend or not isinstance(policy, FlyingPolicy):
             return np.asarray(policy.act(obs), float)
-        question = policy.look(obs)
-        if question is not None:
-            policy.plan(question, policy.think(question))
-            self._joined = True
+        self._joined |= policy.advance(obs)
         return policy.next()
 
     def _answer(self, policy: FlyingPolicy) -> None:

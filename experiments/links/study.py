@@ -43,12 +43,12 @@ from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Stages, judged_once
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row
-from experiments.umi.study import latency_of
+from experiments.umi.study import check_latencies, latency_of
 
 EVALUATION, HERE, ROS2, MAVLINK = "evaluation", "in_process", "ros2", "mavlink"
 LINKS = (EVALUATION, HERE, ROS2, MAVLINK)
 CHUNKS = ("plain", "dropped")
-TIER, NOISE, STEP_MS = "calm", 0.3, 20
+TIER, NOISE = "calm", 0.3
 STARTED_S = 60.0  # a robot in another process compiles its world
 
 
@@ -100,8 +100,7 @@ class Links:
         for link in self.links:
             if link not in LINKS:
                 raise UnknownNameError("link of this study", link, LINKS)
-        if wrong := [ms for ms in self.latencies_ms if ms < 0 or ms % STEP_MS]:
-            raise InvalidValueError(f"latencies_ms has {wrong}; they are multiples of {STEP_MS}, from 0 on.")
+        check_latencies(self.latencies_ms)
         if min(self.demos, self.episodes, self.num_envs) < 1 or not self.speed > 0:
             raise InvalidValueError("demos, episodes and num_envs start at 1, and speed is positive.")
         check_seeds(self.first_episode, self.episodes)

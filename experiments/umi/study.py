@@ -7,7 +7,7 @@ and executes its chunks in several ways. Control: the same policy trained on as 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -98,8 +98,7 @@ class Umi:
         for way in self.ways:
             if way not in WAYS:
                 raise UnknownNameError("way", way, WAYS)
-        if wrong := [ms for ms in self.latencies_ms if ms < 0 or ms % STEP_MS]:
-            raise InvalidValueError(f"latencies_ms has {wrong}; they are multiples of {STEP_MS}, from 0 on.")
+        check_latencies(self.latencies_ms)
         if min(self.demos, self.episodes, self.num_envs) < 1:
             raise InvalidValueError("demos, episodes and num_envs start at 1.")
         check_seeds(self.first_episode, self.episodes)
@@ -180,6 +179,12 @@ NOTES = (
     "denoising, a new one every 10 steps; guided: dropped, and led to what a model of the vehicle can follow, guidance "
     "1.5. fa_hexa_arm4 has no guided row: its model is that of the demonstrator.",
 )
+
+
+def check_latencies(latencies_ms: Iterable[int]) -> None:
+    """Refuse latencies that are no whole number of control steps."""
+    if wrong := [ms for ms in latencies_ms if ms < 0 or ms % STEP_MS]:
+        raise InvalidValueError(f"latencies_ms has {wrong}; they are multiples of {STEP_MS}, from 0 on.")
 
 
 def latency_of(total_ms: int) -> Latency:

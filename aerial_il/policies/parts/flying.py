@@ -126,10 +126,15 @@ class FlyingPolicy(ABC):
             InvalidValueError: n changed without a :meth:`reset`, or an image has another size.
             NonFiniteActionError: NaN or infinity in an observation or in the network's output.
         """
+        self.advance(obs)
+        return self.next()
+
+    def advance(self, obs: Observation) -> bool:
+        """Look, and where a chunk is due, think and plan; return whether one was, in any world."""
         question = self.look(obs)
         if question is not None:
             self.plan(question, self.think(question))
-        return self.next()
+        return question is not None
 
     def look(self, obs: Observation) -> Question | None:
         """Remember what n worlds show, as :meth:`act` does first; return what those ask whose next chunk is due."""
