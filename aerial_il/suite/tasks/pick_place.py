@@ -47,6 +47,13 @@ class PickPlace(Task):
     name = "pick_place"
     grade = "medium"
     instruction = "Pick up the orange cube and place it in the blue bowl."
+    wordings = (
+        "Put the orange cube into the blue bowl.",
+        "Grasp the orange cube and drop it in the bowl.",
+        "把橙色方块放进蓝色的碗里。",
+        "拿起橙色方块，放到碗中。",
+    )
+    held_out = ("Move the orange cube to the blue bowl.", "请将橙色的方块放入碗里。")
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
