@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.policies.parts.execution import AS_TRAINED, Execution
@@ -157,6 +156,7 @@ def _executing(pilot: Pilot, settings: Evaluate) -> Pilot:
 
 def _tell(pilot: Pilot, settings: Evaluate) -> None:
     """Tell a policy in words what to do."""
+    from aerial_il.core import language
     from aerial_il.policies.parts.flying import FlyingPolicy
 
     if settings.instruction is None:
