@@ -155,7 +155,7 @@ def effects_of(spec: EnvSpec, model: mujoco.MjModel, states: np.ndarray) -> np.n
         spec: of the recording. model: its scene, compiled. states: (N, S), as an environment returns them.
 
     Returns:
-        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot, task or tier are not the suite's.
+        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot, task or tier is unknown.
     """
     effects = np.zeros(len(states), EFFECTS)
     try:

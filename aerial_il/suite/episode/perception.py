@@ -160,7 +160,7 @@ class Perceived:
             raise InvalidValueError(
                 f"The moving sites and joints of task {self._task.name!r} take {self._places} numbers, and "
                 f"an estimate holds {most}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. Name one site per "
-                "object, and compute its other points from there, along the axes of site_mat; or say more in its `sight`."
+                "object, and compute its other points from there, along the axes of site_mat, or say more in `sight`."
             )
         return first
 

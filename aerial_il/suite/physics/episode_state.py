@@ -46,7 +46,7 @@ MEMORIES: Mapping[str, slice] = {
 
 
 def sight_size(objects: int, moving: int) -> int:
-    """Numbers that the sight of ``objects`` with ``moving`` numbers needs beyond this layout: none where it suffices."""
+    """Numbers that the sight of ``objects`` with ``moving`` numbers needs behind this layout: none if it fits in."""
     if objects <= MAX_OBJECTS and moving <= PAST_SIZE:
         return 0
     return 6 * objects + MAX_LAG * moving

@@ -7,7 +7,7 @@ import numpy as np
 
 from aerial_il.robots.parts.collision import FIXTURE, NOTHING
 from aerial_il.suite.props.contact import HARD
-from aerial_il.suite.props.door import BODY, BOARD_M, DEPTH_M, LEAF, LEAF_M, STEEL, WIDTH_M, add_handle, hang_leaf
+from aerial_il.suite.props.door import BOARD_M, BODY, DEPTH_M, LEAF, LEAF_M, STEEL, WIDTH_M, add_handle, hang_leaf
 from aerial_il.suite.props.peg import UNSEEN
 
 WALL_M = 0.13  # height of the walls over the table
@@ -61,5 +61,5 @@ def _add_grille(body: mujoco.MjsBody, name: str, pos: list[float], half: list[fl
         body.add_geom(name=f"{name}_rail_{'low' if side < 0 else 'high'}", type=box, pos=at, size=rail, **look)
     count = 1 + int(np.ceil(2.0 * half[1] / BAR_EVERY_M))
     for i, along in enumerate(np.linspace(-half[1] + HALF_BAR_M, half[1] - HALF_BAR_M, count)):
-        at = np.array(pos, float) + [0.0, along, 0.0]
+        at = np.array(pos, float) + np.array([0.0, along, 0.0])
         body.add_geom(name=f"{name}_bar_{i}", type=box, pos=at, size=bar, **look)

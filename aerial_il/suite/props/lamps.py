@@ -16,7 +16,7 @@ CHARCOAL = [0.16, 0.16, 0.18, 1.0]
 
 
 def add_lamps(spec: mujoco.MjSpec, pos: Sequence[float], colours: Mapping[str, Sequence[float]]) -> None:
-    """A panel ``panel`` that lies with its middle at ``pos`` (3,) m, and mocap bodies ``lamp_NAME``, discs to lie in it.
+    """A panel ``panel``, its middle at ``pos`` (3,) m, and mocap bodies ``lamp_NAME``, discs that lie in it.
 
     Lamps touch nothing: one is lit where it lies ``LIT_M`` above the panel's middle, and out of sight at ``DARK_M``.
     """

@@ -39,7 +39,7 @@ def two_places(
 def places_apart(
     rng: np.random.Generator, low: np.ndarray, high: np.ndarray, count: int, *, apart: float
 ) -> np.ndarray:
-    """``count`` random points (count, 2) between ``low`` and ``high`` (2,), each at least ``apart`` from all others, m."""
+    """Random points (count, 2) between ``low`` and ``high`` (2,), each at least ``apart`` from all others, in m."""
     while True:
         points = rng.uniform(low, high, (count, 2))
         gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
