@@ -81,11 +81,7 @@ class CabinetRetrieve(Task):
     scene_height_m = 0.8
 
     def own_infeasibility(self, robot: Robot) -> str | None:
-        opening = 2.0 * robot.gripper.stroke
-        if opening < 2.4 * CUBE_HALF_M:
-            return f"its gripper opens {100 * opening:.1f} cm, the cube needs {240 * CUBE_HALF_M:.1f} cm"
-        torque = DOOR_FRICTION_NM + DOOR_DAMPING * SWING_RAD_S
-        return infeasible_pulling(robot, torque / HINGE_TO_LOOP_M)
+        return infeasible_cabinet(robot)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_table(spec)
@@ -116,6 +112,15 @@ class CabinetRetrieve(Task):
             seen("spot_pos", "middle of the marked place"),
             seen("cube_to_spot", "from the cube to the marked place"),
         )
+
+
+def infeasible_cabinet(robot: Robot) -> str | None:
+    """Say why ``robot`` cannot open the cabinet or grasp a cube in it, or None if it can."""
+    opening = 2.0 * robot.gripper.stroke
+    if opening < 2.4 * CUBE_HALF_M:
+        return f"its gripper opens {100 * opening:.1f} cm, the cube needs {240 * CUBE_HALF_M:.1f} cm"
+    torque = DOOR_FRICTION_NM + DOOR_DAMPING * SWING_RAD_S
+    return infeasible_pulling(robot, torque / HINGE_TO_LOOP_M)
 
 
 def place_cabinet(view: View, world: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:
