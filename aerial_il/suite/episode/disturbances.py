@@ -17,7 +17,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import disturbances, tasks, tiers
 from aerial_il.suite.disturbances.disturbance import Start
-from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal
+from aerial_il.suite.disturbances.nominal import CAMERA_OFFSET, ROTOR_GAIN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.hooks import (
@@ -75,6 +75,7 @@ class Disturbances:
 
     Attributes:
         rotor_gain: (n, R) what the rotors give of their thrust.
+        camera_offset: (n, C, 3) how far each camera of the robot is from where it should be, in its frame, m.
     """
 
     def __init__(self, scenario: Scenario, view: View) -> None:
@@ -84,6 +85,7 @@ class Disturbances:
         self._nominal = Nominal(worlds.model, scenario.robot)
         varied = {name for part in self.tier.parts.values() for name in part.varies}
         self.rotor_gain = np.ones((worlds.n, scenario.robot.num_rotors))
+        self.camera_offset = np.zeros((worlds.n, len(scenario.robot.mounted_cameras), 3))
         self._fields = {name: self._nominal.field(name) for name in sorted(varied)}
         self._model_seeds = np.full(worlds.n, -1, np.int64)  # whose parameters each model holds; no part of the state
         self._workspace = mujoco.MjData(worlds.model) if varied else None
@@ -118,8 +120,9 @@ class Disturbances:
             return
         for i in np.flatnonzero(mask & (self._model_seeds != seeds)):
             model = self.view.worlds.own_model(int(i))
+            beside = {ROTOR_GAIN: self.rotor_gain[i], CAMERA_OFFSET: self.camera_offset[i]}
             for name, value in self._varied(int(seeds[i]))[0].items():
-                field = self.rotor_gain[i] if name == ROTOR_GAIN else getattr(model, name)
+                field = beside[name] if name in beside else getattr(model, name)
                 field[:] = value
             mujoco.mj_setConst(model, self._workspace)
             self._model_seeds[i] = seeds[i]

@@ -65,7 +65,8 @@ class Task(ABC):
 
     Attributes:
         name: registry name. grade: difficulty.
-        instruction: the task in one English sentence.
+        instruction: the task in one English sentence. wordings: others of it, English and Chinese, to learn from.
+        held_out: wordings that nothing learns from, to be told in flight.
         time_limit_s: seconds until an episode is truncated.
         dwell_s: seconds for which it must be solved for success.
         subtasks: names of its flags. once_lost: those of them whose loss no later deed makes good.
@@ -87,6 +88,8 @@ class Task(ABC):
     name: ClassVar[str]
     grade: ClassVar[Grade]
     instruction: ClassVar[str]
+    wordings: ClassVar[tuple[str, ...]] = ()
+    held_out: ClassVar[tuple[str, ...]] = ()
     time_limit_s: ClassVar[float]
     dwell_s: ClassVar[float]
     subtasks: ClassVar[tuple[str, ...]]
