@@ -15,7 +15,7 @@ from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
-from aerial_il.suite import disturbances, tiers
+from aerial_il.suite import disturbances, tasks, tiers
 from aerial_il.suite.disturbances.disturbance import Start
 from aerial_il.suite.disturbances.nominal import CAMERA_OFFSET, ROTOR_GAIN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
@@ -158,18 +158,18 @@ def effects_of(spec: EnvSpec, model: mujoco.MjModel, states: np.ndarray) -> np.n
         spec: of the recording. model: its scene, compiled. states: (N, S), as an environment returns them.
 
     Returns:
-        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot or tier are not the suite's.
+        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot, task or tier is unknown.
     """
     effects = np.zeros(len(states), EFFECTS)
     try:
-        robot, tier = robots.get(spec.robot), tiers.get(spec.tier)
+        robot, tier, task = robots.get(spec.robot), tiers.get(spec.tier), tasks.get(spec.task)
     except UnknownNameError:
         return effects
     before = mujoco.mj_stateSize(model, STATE_BEFORE_USERDATA)
     userdata = np.ascontiguousarray(states[:, before : before + model.nuserdata])
     if tier.userdata_size - model.nuserdata == layout.USERDATA_SIZE - layout.PAST.stop:  # until engine 3
         userdata = np.insert(userdata, [layout.PAST.stop] * (layout.USERDATA_SIZE - layout.PAST.stop), 0.0, axis=1)
-    if spec.is_outside or userdata.shape[1] != tier.userdata_size or robot.fixed:
+    if spec.is_outside or userdata.shape[1] != tier.userdata_size + layout.sight_size(*task.sight) or robot.fixed:
         return effects
     table = HookTable(tier, robot, len(states))
     pos, vel = np.ascontiguousarray(states[:, 1:8]), np.ascontiguousarray(states[:, 1 + model.nq : 7 + model.nq])

@@ -155,8 +155,13 @@ def grasped(world):
 
 @kernel
 def cube_heading(world):
-    """Cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
-    mat = site_mat(world, CUBE)
+    return heading_of(world, CUBE)
+
+
+@kernel
+def heading_of(world, cube):
+    """Cosine and sine of four times the yaw of a cube's site: the same for every face that could be gripped."""
+    mat = site_mat(world, cube)
     length = math.sqrt(mat[0] * mat[0] + mat[3] * mat[3]) + 1e-9
     c, s = mat[0] / length, mat[3] / length
     c2, s2 = c * c - s * s, 2.0 * c * s

@@ -19,6 +19,7 @@ from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.physics.episode_state import MAX_OBJECTS, PAST_SIZE
 from aerial_il.suite.physics.world import Names
 
 if TYPE_CHECKING:
@@ -79,6 +80,8 @@ class Task(ABC):
         privileged: fields that no real robot has, each with the reason.
         goal: which fields hold what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
+        sight: objects that are seen, and numbers of what moves of them (7 a site, 2 a joint), of a task that has more
+            of either than the fixed layout of an episode's memory holds.
         scene_height_m: of the point that the camera ``scene`` looks at.
     """
 
@@ -99,6 +102,7 @@ class Task(ABC):
     commanded: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
+    sight: ClassVar[tuple[int, int]] = (MAX_OBJECTS, PAST_SIZE)
     scene_height_m: ClassVar[float] = 0.9
 
     def __init__(self, kernels: TaskKernels) -> None:
