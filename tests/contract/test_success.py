@@ -25,6 +25,7 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_dynamics import LOAD, load_delivered
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -121,6 +122,7 @@ class Rule:
 
 
 RULES = {
+    "carry_slung_load": Rule(load_delivered, LOAD),
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),

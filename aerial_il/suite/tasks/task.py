@@ -78,7 +78,8 @@ class Task(ABC):
         privileged: fields that no real robot has, each with the reason.
         goal: which fields hold what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
-        scene_height_m: of the point that the camera ``scene`` looks at.
+        scene_height_m: of the point that the camera ``scene`` looks at. scene_distance: how far off that camera is, in
+            units of what suits a table.
     """
 
     name: ClassVar[str]
@@ -97,6 +98,7 @@ class Task(ABC):
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
     scene_height_m: ClassVar[float] = 0.9
+    scene_distance: ClassVar[float] = 1.0
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
