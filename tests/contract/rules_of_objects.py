@@ -25,11 +25,12 @@ from tests.contract.placed import (
 )
 
 # pick_place: "Pick up the orange cube and place it in the blue bowl."
+# pick_moving: "Pick up the orange cube from the moving table and place it in the blue bowl."
 
 
 def cube_in_bowl(placed: Placed) -> np.ndarray:
     """Within the bowl's walls, on its floor, at rest, and let go: the gripper has backed off."""
-    away, speed = placed.pos("cube") - placed.pos("bowl"), placed.qvel[:, -6:-3]
+    away, speed = placed.pos("cube") - placed.pos("bowl"), placed.vel("cube")
     inside = (level(away) <= 0.05) & (away[:, 2] >= 0.02) & (away[:, 2] <= 0.05)
     backed_off = np.linalg.norm(placed.pos("cube") - placed.tool, axis=1) >= 0.10
     still = np.linalg.norm(speed, axis=1) <= 0.05

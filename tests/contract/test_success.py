@@ -25,6 +25,7 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_dynamics import LOAD, load_delivered
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -121,11 +122,13 @@ class Rule:
 
 
 RULES = {
+    "carry_slung_load": Rule(load_delivered, LOAD),
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),
     "land": Rule(on_the_pad, LAND),
     "open_door": Rule(door_open, joint_families("door", np.deg2rad(60.0), 1.85, "door", 0.02)),
+    "pick_moving": Rule(cube_in_bowl, CUBE),
     "pick_place": Rule(cube_in_bowl, CUBE),
     "press_button": Rule(button_pressed, BUTTON),
     "pull_lever": Rule(lever_at_pin, joint_families("lever", np.deg2rad(55.0), 1.5, "lever", 0.02)),

@@ -69,11 +69,7 @@ class PickPlace(Task):
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_table(spec)
-        add_cube(spec)
-        add_bowl(spec)
-        for side in ("left", "right"):
-            add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
-        add_touch_sensor(spec, "robot_on_cube", "cube")
+        add_cube_and_bowl(spec)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
@@ -92,6 +88,15 @@ class PickPlace(Task):
             seen("tool_to_cube", "from the tool to the cube"),
             seen("cube_to_bowl", "from the cube to the bowl"),
         )
+
+
+def add_cube_and_bowl(spec: mujoco.MjSpec) -> None:
+    """Add the cube, the bowl and sensors of who touches the cube."""
+    add_cube(spec)
+    add_bowl(spec)
+    for side in ("left", "right"):
+        add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
+    add_touch_sensor(spec, "robot_on_cube", "cube")
 
 
 @kernel
