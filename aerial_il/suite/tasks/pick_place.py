@@ -53,7 +53,7 @@ class PickPlace(Task):
         "把橙色方块放进蓝色的碗里。",
         "拿起橙色方块，放到碗中。",
     )
-    held_out = ("Move the orange cube to the blue bowl.", "请将橙色的方块放入碗里。")
+    held_out = ("Move the orange cube to the blue bowl.", "请把橙色方块放到碗里。")
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
@@ -73,8 +73,7 @@ class PickPlace(Task):
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
-        workable = partial(_workable, view.robot)
-        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=workable)
+        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=partial(workable, view.robot))
         yaw = rng.uniform(-np.pi, np.pi)
         pose, _ = view.free_joint("cube")
         view.qpos[world, pose] = [*cube, TABLE_HEIGHT_M + CUBE_HALF_M, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
@@ -187,7 +186,7 @@ def in_bowl(world):
     return planar_norm(offset) <= IN_BOWL_M and LOW_IN_BOWL_M <= offset[2] <= HIGH_IN_BOWL_M
 
 
-def _workable(robot: Robot, place: np.ndarray) -> bool:
+def workable(robot: Robot, place: np.ndarray) -> bool:
     """Whether the tool can go down at a place (2,) m of the table, from as high as it travels."""
     heights = (TABLE_HEIGHT_M + 0.5 * CUBE_HALF_M, TABLE_HEIGHT_M + HEADROOM_M)
     return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)
