@@ -61,13 +61,10 @@ def drop_in(worlds: BatchEnvironment, pegs: np.ndarray, holes: np.ndarray) -> di
     """Let go of one peg (n,) of each world in the mouth of one hole (n,), and wait until it is at the bottom."""
     view = worlds.simulation.view
     mouths = np.stack([view.site_pos(f"hole_{name}") for name in PEGS], axis=1)[np.arange(3), holes]
-    start = mouths + np.array([5e-4, 0.0, 0.5 * PEG_LENGTH_M])
+    start = np.concatenate([mouths + np.array([5e-4, 0.0, 0.5 * PEG_LENGTH_M]), np.tile(UPRIGHT, (3, 1))], axis=1)
     for k, name in enumerate(PEGS):
         pose, speed = view.free_joint(f"peg_{name}")
-        view.qpos[pegs == k, pose] = [*np.zeros(3), *UPRIGHT]
-        view.qpos[pegs == k, pose.start : pose.start + 3] = (mouths + np.array([5e-4, 0.0, 0.5 * PEG_LENGTH_M]))[
-            pegs == k
-        ]
+        view.qpos[pegs == k, pose] = start[pegs == k]
         view.qvel[pegs == k, speed] = 0.0
     worlds.set_state(worlds.get_state())
     return wait(worlds, 0.8)
