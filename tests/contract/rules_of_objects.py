@@ -118,19 +118,25 @@ MOUTH_M, HALF_SPAN_M = 0.060, 0.050  # the bore's mouth over its underside; from
 
 
 def peg_in_socket(placed: Placed) -> np.ndarray:
+    return inserted(placed, "peg", "hole") & placed.untouched
+
+
+def inserted(placed: Placed, peg: str, hole: str) -> np.ndarray:
     """30 mm of the peg's full width are between mouth and bottom of the bore, and it came in by the mouth."""
-    middle = placed.pos("peg") - placed.pos("hole") - [0.0, 0.0, MOUTH_M]
-    half = HALF_SPAN_M * placed.mat("peg")[:, :, 2]
+    middle = placed.pos(peg) - placed.pos(hole) - [0.0, 0.0, MOUTH_M]
+    half = HALF_SPAN_M * placed.mat(peg)[:, :, 2]
     half = np.where(half[:, 2:] > 0.0, half, -half)
     low, high = middle - half, middle + half
     share = np.clip(-low[:, 2] / np.maximum(high[:, 2] - low[:, 2], 1e-9), 0.0, 1.0)[:, None]
     at_mouth = low + share * (high - low)
     deep = (low[:, 2] <= -0.030) & (low[:, 2] >= -0.048) & (high[:, 2] > 0.0)
-    return deep & (level(low) <= 0.004) & (level(at_mouth) <= 0.004) & placed.untouched
+    return deep & (level(low) <= 0.004) & (level(at_mouth) <= 0.004)
 
 
-def peg_at(socket: str, depth: tuple[float, float], off: tuple[float, float], tilt: tuple[float, float]) -> Scatter:
-    """Put the peg's lower nose ``depth`` m below a bore's mouth, ``off`` m beside its axis, leaning by ``tilt`` °."""
+def peg_at(
+    socket: str, depth: tuple[float, float], off: tuple[float, float], tilt: tuple[float, float], peg: str = "peg"
+) -> Scatter:
+    """Put a peg's lower nose ``depth`` m below a bore's mouth, ``off`` m beside its axis, leaning by ``tilt`` °."""
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         mouth, k = stage.where(rows, socket)[0] + [0.0, 0.0, MOUTH_M], rows.size
@@ -141,7 +147,7 @@ def peg_at(socket: str, depth: tuple[float, float], off: tuple[float, float], ti
         quat = np.stack([c, -s * np.sin(way), s * np.cos(way), 0.0 * way])
         over = rng.random(k) < 0.5  # either end first
         flipped = np.stack([-quat[1], quat[0], quat[3], -quat[2]])  # then half a turn about its own x
-        stage.free(rows, "peg", nose + HALF_SPAN_M * axis, np.where(over, flipped, quat).T)
+        stage.free(rows, peg, nose + HALF_SPAN_M * axis, np.where(over, flipped, quat).T)
 
     return place
 

@@ -26,6 +26,14 @@ from tests.contract.placed import (
     Stage,
 )
 from tests.contract.rules_of_dynamics import LOAD, load_delivered
+from tests.contract.rules_of_long_tasks import (
+    RESTOCKED,
+    SET_DOWN,
+    SORTED,
+    cube_set_down,
+    cubes_shut_in,
+    pegs_sorted,
+)
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -125,6 +133,7 @@ class Rule:
 
 RULES = {
     "carry_slung_load": Rule(load_delivered, LOAD),
+    "cabinet_retrieve": Rule(cube_set_down, SET_DOWN),
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),
@@ -138,7 +147,9 @@ RULES = {
     "pull_lever": Rule(lever_at_pin, joint_families("lever", np.deg2rad(55.0), 1.5, "lever", 0.02)),
     "push_slider": Rule(slider_at_end, joint_families("slider", 0.225, 0.26, "slider", 0.002)),
     "reach": Rule(tool_at_mark, REACH),
+    "restock": Rule(cubes_shut_in, RESTOCKED),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
+    "sort_pegs": Rule(pegs_sorted, SORTED),
     "take_off": Rule(base_at_mark, TAKE_OFF),
     "track": Rule(lap_followed, LAP),
 }

@@ -23,19 +23,17 @@ LEAF_KG, HOOD_KG = 0.5, 0.25
 def add_cabinet(spec: mujoco.MjSpec) -> None:
     """A mocap body ``cabinet``, origin under the middle of its front, with joint ``door`` (rad): opens towards +x.
 
-    Sites ``door`` and ``loop`` are those of :func:`aerial_il.suite.props.door.add_door`. Back and top are grilles,
+    Sites ``door`` and ``loop`` are those of :func:`aerial_il.suite.props.door.add_door`. Walls and top are grilles,
     through which cameras see and nothing passes: for contacts each is a board.
     """
     cabinet = spec.worldbody.add_body(name="cabinet", mocap=True)
     cabinet.add_site(name="door", pos=[0, 0.5 * LEAF_M, HANDLE_HEIGHT_M], size=[0.003] * 3, group=4)
     x, y, z = 0.5 * DEPTH_M, 0.5 * WIDTH_M, 0.5 * WALL_M
     box = mujoco.mjtGeom.mjGEOM_BOX
-    for name, pos, size in (
-        ("bottom", [-x, 0, BOARD_M], [x, y, BOARD_M]),
-        ("left", [-x, y - BOARD_M, z], [x, BOARD_M, z]),
-        ("right", [-x, -y + BOARD_M, z], [x, BOARD_M, z]),
-    ):
-        cabinet.add_geom(name=f"cabinet_{name}", type=box, pos=pos, size=size, rgba=BODY, **FIXTURE, **HARD)
+    floor = {"pos": [-x, 0, BOARD_M], "size": [x, y, BOARD_M], "rgba": BODY}
+    cabinet.add_geom(name="cabinet_bottom", type=box, **floor, **FIXTURE, **HARD)
+    for name, side in (("left", y - BOARD_M), ("right", BOARD_M - y)):
+        _add_grille(cabinet, f"cabinet_{name}", [-x, side, z], [x, BOARD_M, z])
     _add_grille(cabinet, "cabinet_back", [-DEPTH_M + BOARD_M, 0, z], [BOARD_M, y, z])
     leaf = hang_leaf(cabinet)
     half = [BOARD_M, 0.5 * LEAF_M, 0.5 * (WALL_M - LEAF_LOW_M)]
@@ -48,18 +46,19 @@ def add_cabinet(spec: mujoco.MjSpec) -> None:
 
 
 def _add_grille(body: mujoco.MjsBody, name: str, pos: list[float], half: list[float], mass: float = 0.0) -> None:
-    """A board that no camera draws, and the frame and bars that it stands for, along its y axis."""
-    box = mujoco.mjtGeom.mjGEOM_BOX
+    """A board that no camera draws, and the two rails and the bars between them that it stands for."""
+    box, thin = mujoco.mjtGeom.mjGEOM_BOX, int(np.argmin(half))
     body.add_geom(name=name, type=box, pos=pos, size=half, group=UNSEEN, mass=mass, **FIXTURE, **HARD)
-    long = 0 if half[0] > half[2] else 2  # the way its bars run
-    rail, bar = [HALF_BAR_M] * 3, [HALF_BAR_M] * 3
-    rail[1], bar[long] = half[1], half[long]
+    long = 0 if thin == 2 else 2  # the way its bars run
+    across = 3 - thin - long
     look = {"rgba": STEEL, "mass": 0, **NOTHING}
-    for side in (-1.0, 1.0):
-        at = np.array(pos, float)
-        at[long] += side * (half[long] - HALF_BAR_M)
-        body.add_geom(name=f"{name}_rail_{'low' if side < 0 else 'high'}", type=box, pos=at, size=rail, **look)
-    count = 1 + int(np.ceil(2.0 * half[1] / BAR_EVERY_M))
-    for i, along in enumerate(np.linspace(-half[1] + HALF_BAR_M, half[1] - HALF_BAR_M, count)):
-        at = np.array(pos, float) + np.array([0.0, along, 0.0])
-        body.add_geom(name=f"{name}_bar_{i}", type=box, pos=at, size=bar, **look)
+    for kind, along, places in (
+        ("rail", across, [HALF_BAR_M - half[long], half[long] - HALF_BAR_M]),
+        ("bar", long, np.arange(BAR_EVERY_M - half[across], half[across], BAR_EVERY_M)),
+    ):
+        size, other = np.full(3, HALF_BAR_M), long if along == across else across
+        size[along] = half[along]
+        for i, place in enumerate(places):
+            at = np.array(pos, float)
+            at[other] += place
+            body.add_geom(name=f"{name}_{kind}_{i}", type=box, pos=at, size=size, **look)

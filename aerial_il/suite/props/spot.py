@@ -6,7 +6,7 @@ import mujoco
 
 from aerial_il.robots.parts.collision import NOTHING
 
-HALF_PAINT_M, RING_M = 0.0005, 0.012
+HALF_PAINT_M, RING_M = 0.0005, 0.02
 BLUE, WHITE = [0.16, 0.36, 0.66, 1.0], [0.95, 0.96, 0.97, 1.0]
 
 

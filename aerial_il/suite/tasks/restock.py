@@ -19,7 +19,6 @@ from aerial_il.suite.props.door import DEPTH_M, WIDTH_M
 from aerial_il.suite.props.place import places_apart
 from aerial_il.suite.tasks.cabinet_retrieve import (
     AT_REST_M_S,
-    CABINET_HIGH,
     DOOR,
     LOOP,
     OPEN_ENOUGH_RAD,
@@ -36,7 +35,7 @@ from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 CLOSED_RAD = np.deg2rad(5.0)
 COLOURS = {"orange": (0.95, 0.45, 0.12, 1.0), "yellow": (0.95, 0.78, 0.15, 1.0), "purple": (0.45, 0.25, 0.60, 1.0)}
-AREA_LOW, AREA_HIGH = np.array([-0.25, CABINET_HIGH[1] + 0.24]), np.array([0.20, 0.40])  # where no door sweeps
+AREA_LOW, AREA_HIGH = np.array([-0.32, 0.10]), np.array([-0.04, 0.42])  # where no door sweeps, in sight of the camera
 APART_M = 0.13
 START_LOW, START_HIGH = np.array([-0.35, -0.25, 1.2]), np.array([0.0, 0.25, 1.35])
 CUBES, FIRST_CUBE = 3, 2  # sites

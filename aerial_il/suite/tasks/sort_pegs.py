@@ -122,7 +122,7 @@ class SortPegs(Task):
 
     def fields(self) -> tuple[Field, ...]:
         of_pegs = (field for name in COLOURS for field in _fields_of(name))
-        each = {"unit": "", "frame": "", "labels": tuple(COLOURS), "noise": EXACT}
+        each = {"unit": "", "frame": "by peg", "labels": tuple(COLOURS), "noise": EXACT}
         return (
             *of_pegs,
             seen("turn", "of each peg, 1 to 3, in the first 2 s; then 0", **each),
