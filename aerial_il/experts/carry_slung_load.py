@@ -44,7 +44,7 @@ class CarrySlungLoadExpert(Expert):
 
     def next_phase(self) -> np.ndarray:
         view, load = self.view, in_gate(self.view)
-        passed, aside = through(view), planar_length(eye(view) - view.tool_pos)
+        passed, aside = through(view), planar_length(eye(view) - view.tip_pos)
         raised = view.site_pos("load")[:, 2] >= CARRY_HEIGHT_M - 0.03
         slow = planar_length(self._load_vel()) <= CALM_M_S
         ready = (np.abs(load[:, 0] + BEFORE_GATE_M) <= 2.0 * ON_LINE_M) & (np.abs(load[:, 1]) <= ON_LINE_M)
@@ -63,16 +63,16 @@ class CarrySlungLoadExpert(Expert):
         return self.following(rules)
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        view, phase, tool = self.view, self.phase, self.view.tool_pos
+        view, phase, tip = self.view, self.phase, self.view.tip_pos
         grounded = (phase == HOVER) | (phase == LIFT) | ((phase == LOWER) & self._standing())
-        sideways = np.where(grounded[:, None], eye(view) - tool, FOLLOW_S * (self._speed() - view.base_vel))
+        sideways = np.where(grounded[:, None], eye(view) - tip, FOLLOW_S * (self._speed() - view.base_vel))
         sideways *= np.minimum(1.0, LEAD_M / np.maximum(planar_length(sideways), 1e-9))[:, None]
-        slack = eye(view)[:, 2] + CABLE_M - SLACK_M - tool[:, 2]
+        slack = eye(view)[:, 2] + CABLE_M - SLACK_M - tip[:, 2]
         lift = CARRY_HEIGHT_M - view.site_pos("load")[:, 2]
         lower = np.where(self._standing(), slack, -LEAD_UP_M)
         up = np.select([phase == HOVER, phase == LOWER], [slack, lower], lift)
-        position = tool + sideways
-        position[:, 2] = tool[:, 2] + np.clip(up, -LEAD_UP_M, LEAD_UP_M)
+        position = view.tool_pos + sideways
+        position[:, 2] = view.tool_pos[:, 2] + np.clip(up, -LEAD_UP_M, LEAD_UP_M)
         return position, pointing_down(np.zeros(view.n)), np.zeros(view.n)
 
     def _speed(self) -> np.ndarray:
@@ -83,7 +83,7 @@ class CarrySlungLoadExpert(Expert):
         to_goal = self._goal() - view.site_pos("load")
         to_goal *= (_limited(planar_length(to_goal)) / np.maximum(planar_length(to_goal), 1e-9))[:, None]
         wanted = np.where((self.phase >= CARRY)[:, None], to_goal, on_line)
-        return wanted + SWING * (view.site_pos("load") - view.tool_pos) - BRAKING * self._load_vel()
+        return wanted + SWING * (view.site_pos("load") - view.tip_pos) - BRAKING * self._load_vel()
 
     def _goal(self) -> np.ndarray:
         return self.view.site_pos("goal")

@@ -21,15 +21,17 @@ from tests.contract.placed import (
     with_robot,
 )
 
-# carry_slung_load: "Lift the orange load by its cable, carry it through the red gate and set it down on the green mark."
+# carry_slung_load: "Lift the orange load by its cable, carry it through the red gate and set it down on the green
+# mark."
 
 HALF_M = 0.05  # of the load, whose eye is in the middle of its top
 
 
 def load_delivered(placed: Placed) -> np.ndarray:
-    """Standing on the ground by the mark, at rest, below the tool, after a way through the gate that touched nothing."""
+    """On the ground by the mark, at rest, below the tool, after a way through the gate that touched nothing."""
     load, upwards = placed.pos("load"), placed.mat("load")[:, :, 2]
-    line = placed.tool - (load + HALF_M * upwards)
+    tip = placed.tool + 0.2 * placed.robot.gripper.finger_length * placed.tool_mat[:, :, 0]
+    line = tip - (load + HALF_M * upwards)
     swing = np.rad2deg(np.arctan2(level(line), line[:, 2]))
     standing = np.array([("load", "world") in pairs for pairs in placed.pairs]) & (upwards[:, 2] >= np.cos(np.pi / 18))
     gone_through = (placed.task_state[:, 0] == 1.0) & (placed.task_state[:, 1] == 0.0)
@@ -68,7 +70,8 @@ def delivered(
         stage.free(rows, "load", load, quat, ball(rng, k, *speed))
         side, length = np.deg2rad(rng.uniform(*swing, k)), rng.uniform(0.85, 0.99, k)
         over = np.sin(side)[:, None] * disc(rng, k, 1.0, 1.0) + up(np.cos(side))
-        stage.move(rows, "tool", load + HALF_M * upwards + length[:, None] * over)
+        tip = load + HALF_M * upwards + length[:, None] * over
+        stage.move(rows, "tool", tip + up(np.full(k, 0.2 * stage.robot.gripper.finger_length)))  # it points down
         stage.task_state[rows, carry_slung_load.PASSED] = through
         stage.task_state[rows, carry_slung_load.CABLE_TOUCHED] = cable
         stage.userdata[rows, layout.FORCES.start + 3 * layout.MAX_FORCES] = force

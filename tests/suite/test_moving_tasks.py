@@ -116,15 +116,15 @@ def test_a_cube_over_or_beside_the_bowl_does_not_count(aside: float) -> None:
     """Thrown through the bowl's rim in passing, or let fall beside it: the first moves on, the other is lost."""
     worlds = started(PICK)
     bowl = worlds.simulation.view.site_pos("bowl").copy()
-    put_free(worlds, "cube", bowl + [aside, 0.0, 0.045], np.array([1.0, 0.0, 0.0]))
+    put_free(worlds, "cube", bowl + np.array([aside, 0.0, 0.045]), np.array([1.0, 0.0, 0.0]))
     assert not hold(worlds, 10).any()
 
 
 def test_a_cube_that_is_held_in_the_bowl_is_not_placed() -> None:
     worlds = started(PICK)
     bowl = worlds.simulation.view.site_pos("bowl").copy()
-    move_robot(worlds, bowl + [0.0, 0.0, 0.06])
-    put_free(worlds, "cube", bowl + [0.0, 0.0, 0.0281])
+    move_robot(worlds, bowl + np.array([0.0, 0.0, 0.06]))
+    put_free(worlds, "cube", bowl + np.array([0.0, 0.0, 0.0281]))
     assert not hold(worlds, 60).any(), "the gripper has not backed off"
 
 
@@ -150,8 +150,8 @@ def carry_along(worlds: BatchEnvironment, way: list[tuple[float, float, float]],
 def set_down_at_goal(worlds: BatchEnvironment, steps: int = 60) -> np.ndarray:
     """Set the load down on the mark by hand, robot above; return who succeeded within ``steps``, (n,)."""
     goal = worlds.simulation.view.site_pos("goal").copy()
-    put_free(worlds, "load", goal + [0.0, 0.0, LOAD_HALF_M])
-    move_robot(worlds, goal + [0.0, 0.0, 2.0 * LOAD_HALF_M + 0.9 * CABLE_M])
+    put_free(worlds, "load", goal + np.array([0.0, 0.0, LOAD_HALF_M]))
+    move_robot(worlds, goal + np.array([0.0, 0.0, 2.0 * LOAD_HALF_M + 0.9 * CABLE_M]))
     return hold(worlds, steps)
 
 
@@ -203,7 +203,7 @@ def test_a_load_on_the_mark_for_a_moment_is_not_set_down() -> None:
     worlds = started(CARRY)
     carry_along(worlds, WAYS["through"][0])
     assert not set_down_at_goal(worlds, 45).any()
-    move_robot(worlds, worlds.simulation.view.tool_pos + [0.25, 0.0, 0.0])
+    move_robot(worlds, worlds.simulation.view.tool_pos + np.array([0.25, 0.0, 0.0]))
     assert not hold(worlds, 60).any(), "the robot is not above it"
 
 
@@ -214,12 +214,12 @@ def test_a_swinging_load_gains_no_energy_and_the_cable_gives_little() -> None:
     move_robot(worlds, tool)
     angle = np.deg2rad(30.0)
     offset = CABLE_M * np.array([np.sin(angle), 0.0, -np.cos(angle)])
-    put_free(worlds, "load", tool + offset - [0.0, 0.0, LOAD_HALF_M])
+    put_free(worlds, "load", view.tip_pos + offset - [0.0, 0.0, LOAD_HALF_M])
     stay, swings, longest = hold_actions(worlds), [], 0.0
     for _ in range(300):
         worlds.step(stay)
         swings.append(swing(view))
-        longest = max(longest, length(eye(view) - view.tool_pos).max())
+        longest = max(longest, length(eye(view) - view.tip_pos).max())
     assert longest < CABLE_M + 2e-3
     assert np.max(swings[100:]) < np.max(swings[:50])
 
@@ -229,14 +229,14 @@ def test_a_dropped_load_is_caught_by_the_cable_and_nothing_explodes() -> None:
     view = worlds.simulation.view
     tool = np.tile([-0.6, 0.0, 1.8], (view.n, 1))
     move_robot(worlds, tool)
-    put_free(worlds, "load", tool + [0.0, 0.1, -0.2])
+    put_free(worlds, "load", tool + np.array([0.0, 0.1, -0.2]))
     stay, lowest = hold_actions(worlds), np.inf
     for _ in range(100):
         result = worlds.step(stay)
         lowest = min(lowest, view.site_pos("load")[:, 2].min())
     assert not result.info["crash"].any()
     assert lowest > 1.8 - CABLE_M - 2.0 * LOAD_HALF_M - 0.15, "the robot dips a little"
-    assert length(eye(view) - view.tool_pos).max() < CABLE_M + 2e-3
+    assert length(eye(view) - view.tip_pos).max() < CABLE_M + 2e-3
 
 
 def test_a_standing_load_stands_still() -> None:
@@ -250,9 +250,9 @@ def test_the_expert_lifts_a_load_again_that_was_put_aside() -> None:
     worlds, expert = started(CARRY), aerial_il.expert(*CARRY)
     expert.attach(worlds)
     carry_along(worlds, WAYS["through"][0])
-    beside = worlds.simulation.view.site_pos("goal") + [-0.25, 0.1, LOAD_HALF_M]
+    beside = worlds.simulation.view.site_pos("goal") + np.array([-0.25, 0.1, LOAD_HALF_M])
     put_free(worlds, "load", beside)
-    move_robot(worlds, beside + [0.0, 0.0, 0.9])
+    move_robot(worlds, beside + np.array([0.0, 0.0, 0.9]))
     success = np.zeros(3, bool)
     for _ in range(900):
         success |= worlds.step(expert.act({}), ~success).info["success"]

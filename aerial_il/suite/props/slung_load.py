@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import mujoco
+import numpy as np
 
 from aerial_il.robots.parts.collision import FIXTURE, NOTHING, WORLD
+from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.contact_sensors import add_contact_sensor, add_force_sensor
 from aerial_il.suite.props.contact import GRASPABLE
 
@@ -14,8 +16,8 @@ TAUT = {"solref_limit": [0.02, 1.0], "solimp_limit": [0.95, 0.99, 0.001, 0.5, 2.
 ORANGE, RED, GREEN, BLACK = [0.95, 0.45, 0.12, 1], [0.75, 0.16, 0.14, 1], [0.10, 0.65, 0.30, 1], [0.1, 0.1, 0.1, 1]
 
 
-def add_slung_load(spec: mujoco.MjSpec) -> None:
-    """A free box ``load`` of 10 cm and 300 g, whose eye hangs by a light cable of 1 m from the robot's tool.
+def add_slung_load(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """A free box ``load`` of 10 cm and 300 g, whose eye hangs by a light cable of 1 m from the robot's fingertips.
 
     The cable is slack when its ends are nearer to each other, and touches nothing. The site ``load`` is the box's
     middle; the sensor ``load_on_ground`` counts contacts with the ground.
@@ -26,8 +28,11 @@ def add_slung_load(spec: mujoco.MjSpec) -> None:
     load.add_geom(name="load", type=mujoco.mjtGeom.mjGEOM_BOX, mass=LOAD_KG, **look, **WORLD, **GRASPABLE)
     load.add_site(name="load", size=[0.003] * 3, group=4)
     load.add_site(name="eye", pos=[0, 0, LOAD_HALF_M], size=[0.003] * 3, group=4)
+    tool = spec.site("tool")
+    hook = tool.pos + np.array([robot.gripper.tip_distance, 0.0, 0.0])
+    tool.parent.add_site(name="hook", pos=hook, size=[0.003] * 3, group=4)
     cable = spec.add_tendon(name="cable", width=0.004, rgba=BLACK, limited=True, range=[0.0, CABLE_M], **TAUT)
-    cable.wrap_site("tool")
+    cable.wrap_site("hook")
     cable.wrap_site("eye")
     add_contact_sensor(spec, "load_on_ground", geoms=("load", "ground"))
 

@@ -22,7 +22,7 @@ from aerial_il.suite.physics.world import (
     site_mat,
     site_pos,
     task_state,
-    tool_pos,
+    tip_pos,
     touching,
     untouched,
 )
@@ -47,8 +47,8 @@ UPRIGHT_COS = math.cos(math.radians(10.0))
 CABLE_ROOM_M = ROD_M + 0.005  # of the cable from the axis of a post or the beam
 LIFTED_M = 0.10
 FILTER_S = 0.06  # of the velocity that is shown
-TOOL_START_M = 0.90  # over the ground: the cable is slack
-ASIDE_M = (0.15, 0.25)  # of the tool from above the load, at the start
+TIP_START_M = (0.84, 0.96)  # over the ground: the cable is slack
+ASIDE_M = (0.15, 0.25)  # of the fingertips from above the load, at the start
 GATE_LOW, GATE_HIGH, GATE_YAW_RAD = np.array([-0.1, -0.1]), np.array([0.1, 0.1]), (-0.5, 0.5)
 BEFORE_M, BEYOND_M, BESIDE_M = (0.60, 0.90), (0.60, 0.90), 0.30  # of start and goal from the gate, along x and y
 LOAD, GATE, GOAL = range(3)  # sites; the load is the first joint too
@@ -59,13 +59,13 @@ PASSED, CABLE_TOUCHED, SIDE, VELOCITY = 0, 1, 2, 3  # in the task's state; the t
 class CarrySlungLoad(Task):
     """Load set down within 10 cm of the mark, after it was carried through the gate, swing at most 5°, for 1 s.
 
-    The load of 300 g hangs by a cable of 1 m from the tool; the cable may be slack. Through the gate: the load's middle
-    crosses the gate's plane forwards, between the posts (60 cm apart) and over the beam (35 cm high), while the tool is
-    between the posts' planes too; who takes it back must come again. Nothing may ever touch the gate in an episode: not
-    the robot, not the load, nor the cable, which is taken for straight.
+    The load of 300 g hangs by a cable of 1 m from the fingertips; the cable may be slack. Through the gate: the load's
+    middle crosses the gate's plane forwards, between the posts (60 cm apart) and over the beam (35 cm high), while the
+    fingertips are between the posts' planes too; who takes it back must come again. Nothing may ever touch the gate in
+    an episode: not the robot, not the load, nor the cable, which is taken for straight.
 
     Set down: it stands on the ground, upright within 10°, slower than 5 cm/s, its middle within 10 cm of the mark's.
-    Swing: angle of the line from the tool to the load's eye from the vertical. Links and rotors touch nothing.
+    Swing: angle of the line from the fingertips to the load's eye from the vertical. Links and rotors touch nothing.
     """
 
     name = "carry_slung_load"
@@ -94,7 +94,7 @@ class CarrySlungLoad(Task):
         return infeasible_lifting(robot, LOAD_KG * GRAVITY)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        add_slung_load(spec)
+        add_slung_load(spec, robot)
         add_gate(spec)
         add_goal(spec, AT_GOAL_M)
 
@@ -109,28 +109,30 @@ class CarrySlungLoad(Task):
         pose, _ = view.free_joint("load")
         view.qpos[world, pose] = [*load, LOAD_HALF_M, math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)]
         angle, heading = rng.uniform(-np.pi, np.pi), rng.uniform(-0.3, 0.3)
-        tool = load + rng.uniform(*ASIDE_M) * np.array([math.cos(angle), math.sin(angle)])
-        _hover_with_tool(view, world, np.array([*tool, TOOL_START_M]), heading)
+        tip = load + rng.uniform(*ASIDE_M) * np.array([math.cos(angle), math.sin(angle)])
+        _hover_with_tip(view, world, np.array([*tip, rng.uniform(*TIP_START_M)]), heading)
         view.task_state[world, SIDE] = -1.0
 
     def fields(self) -> tuple[Field, ...]:
         return (
             seen("load_pos", "middle of the load"),
             seen("load_vel", "velocity of the load", unit="m/s", noise=f"a low-pass of {FILTER_S} s; no noise"),
-            seen("tool_to_load", "from the tool to the load"),
+            seen("tip_to_load", "from the fingertips to the load"),
             seen("load_to_gate", "from the load to the middle of the gate, on the ground"),
             direction("gate_direction", "x axis of the gate, which leads through it"),
             seen("load_to_goal", "from the load to the middle of the mark"),
-            seen("through", "1 once the load is through the gate", 1, unit="", frame="", noise=EXACT),
+            seen(
+                "through", "1 once the load is through the gate", 1, unit="", frame="", labels=("passed",), noise=EXACT
+            ),
         )
 
 
-def _hover_with_tool(view: View, world: int, tool: np.ndarray, yaw: float) -> None:
-    """Put the robot of one world at rest with its tool, which points down, at ``tool`` (3,) m."""
-    x, y, z = view.robot.tool_at(view.robot.rest_down)[0]
+def _hover_with_tip(view: View, world: int, tip: np.ndarray, yaw: float) -> None:
+    """Put the robot of one world at rest with its fingertips, which point down, at ``tip`` (3,) m."""
+    x, y, z = view.robot.tool_at(view.robot.rest_down)[0] - [0.0, 0.0, view.robot.gripper.tip_distance]
     c, s = math.cos(yaw), math.sin(yaw)
     excess = max(0.0, view.robot.hang - FREE_HANG_M)  # which hover_start adds
-    hover_start(view, world, tool - [c * x - s * y, s * x + c * y, z + excess], yaw)
+    hover_start(view, world, tip - [c * x - s * y, s * x + c * y, z + excess], yaw)
 
 
 @kernel
@@ -138,7 +140,7 @@ def observe(world, found):
     load, gate, axes = site_pos(world, LOAD), site_pos(world, GATE), site_mat(world, GATE)
     put(found, 0, load)
     put(found, 3, vec(task_state(world), VELOCITY))
-    put(found, 6, sub(load, tool_pos(world)))
+    put(found, 6, sub(load, tip_pos(world)))
     put(found, 9, sub(gate, load))
     found[12], found[13] = axes[0], axes[3]
     put(found, 14, sub(site_pos(world, GOAL), load))
@@ -149,13 +151,13 @@ def observe(world, found):
 def remember(world):
     """Note which way the load crosses the gate's plane, whether the cable meets the gate, and how fast the load is."""
     state = task_state(world)
-    load, tool, before = load_in_gate(world), in_gate(world, tool_pos(world)), state[SIDE]
+    load, tip, before = load_in_gate(world), in_gate(world, tip_pos(world)), state[SIDE]
     state[SIDE] = load[0]
-    if before < 0.0 <= load[0] and inside(load) and abs(tool[1]) < HALF_WIDTH_M - CABLE_ROOM_M:
+    if before < 0.0 <= load[0] and inside(load) and abs(tip[1]) < HALF_WIDTH_M - CABLE_ROOM_M:
         state[PASSED] = 1.0
     elif before >= 0.0 > load[0]:
         state[PASSED] = 0.0
-    if crosses_gate(tool, in_gate(world, eye(world))):
+    if crosses_gate(tip, in_gate(world, eye(world))):
         state[CABLE_TOUCHED] = 1.0
     old, share = vec(state, VELOCITY), CONTROL_DT_S / (FILTER_S + CONTROL_DT_S)
     put(state, VELOCITY, add(old, scale(share, sub(free_vel(world, LOAD), old))))
@@ -183,7 +185,7 @@ def reward(world):
         staged = 0.5 + 0.4 * near + (0.1 if set_down(world) else 0.0)
     else:
         load = load_in_gate(world)
-        over = closeness(planar_norm(sub(site_pos(world, LOAD), tool_pos(world))), 0.05)
+        over = closeness(planar_norm(sub(site_pos(world, LOAD), tip_pos(world))), 0.05)
         raised = clip(height(world) / LIFTED_M, 0.0, 1.0)
         staged = 0.1 * over + raised * (0.15 + 0.2 * closeness(norm((load[0], load[1], 0.0)), 0.4))
     return steady * staged * (1.0 if gate_untouched(world) else 0.5)
@@ -208,11 +210,11 @@ def inside(point):
 
 
 @kernel
-def crosses_gate(tool, load):
+def crosses_gate(tip, load):
     """Whether the line between two points, gate frame, meets a post or the beam."""
-    if (tool[0] < 0.0) == (load[0] < 0.0):
+    if (tip[0] < 0.0) == (load[0] < 0.0):
         return False
-    point = add(tool, scale(tool[0] / (tool[0] - load[0]), sub(load, tool)))
+    point = add(tip, scale(tip[0] / (tip[0] - load[0]), sub(load, tip)))
     side = abs(point[1])
     at_post = abs(side - HALF_WIDTH_M) <= CABLE_ROOM_M and point[2] <= POST_M
     at_beam = side <= HALF_WIDTH_M and abs(point[2] - BEAM_HEIGHT_M) <= CABLE_ROOM_M
@@ -227,8 +229,8 @@ def eye(world):
 
 @kernel
 def swing(world):
-    """Angle of the line from the tool to the load's eye from the vertical, rad."""
-    line = sub(eye(world), tool_pos(world))
+    """Angle of the line from the fingertips to the load's eye from the vertical, rad."""
+    line = sub(eye(world), tip_pos(world))
     return math.atan2(planar_norm(line), -line[2])
 
 
