@@ -9,7 +9,7 @@ import numpy as np
 
 from aerial_il.control.dynamics import put
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import add, closeness, column, dot, norm, rotate, rotate_back, scale, sub
+from aerial_il.core.rotations import add, closeness, column, dot, norm, rotate, rotate_back, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.feasibility import infeasible_pressing
