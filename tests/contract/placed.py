@@ -122,6 +122,10 @@ class Placed:
         """(n, 3, 3)."""
         return np.array([data.body(body).xmat.reshape(3, 3).copy() for data in self._datas])
 
+    def joint(self, name: str) -> np.ndarray:
+        """(n,) position of a hinge or slide joint."""
+        return np.array([data.joint(name).qpos[0] for data in self._datas])
+
     @cached_property
     def tool(self) -> np.ndarray:
         """(n, 3)."""

@@ -25,6 +25,7 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -132,6 +133,8 @@ RULES = {
     "push_slider": Rule(slider_at_end, joint_families("slider", 0.225, 0.26, "slider", 0.002)),
     "reach": Rule(tool_at_mark, REACH),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
+    "screw_bulb": Rule(bulb_screwed_in, BULB),
     "take_off": Rule(base_at_mark, TAKE_OFF),
     "track": Rule(lap_followed, LAP),
+    "wipe_window": Rule(window_clean, WINDOW),
 }
