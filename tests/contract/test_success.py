@@ -25,7 +25,7 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
-from tests.contract.rules_of_dynamics import LOAD, load_delivered
+from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -136,5 +136,6 @@ RULES = {
     "reach": Rule(tool_at_mark, REACH),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
     "take_off": Rule(base_at_mark, TAKE_OFF),
+    "toss_ball": Rule(ball_in_bin, TOSS),
     "track": Rule(lap_followed, LAP),
 }
