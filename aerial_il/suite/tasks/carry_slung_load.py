@@ -71,6 +71,16 @@ class CarrySlungLoad(Task):
     name = "carry_slung_load"
     grade = "hard"
     instruction = "Lift the orange load by its cable, carry it through the red gate and set it down on the green mark."
+    wordings = (
+        "Carry the slung load through the gate and set it down at the mark.",
+        "Fly the load on its cable through the red gate to the green mark.",
+        "吊着橙色负载穿过红色门框，放到绿色标记上。",
+        "把吊挂的负载运过门，放下。",
+    )
+    held_out = (
+        "Take the load on the cable through the gate and put it down on the mark.",
+        "请吊运负载穿过门框，放到标记处。",
+    )
     time_limit_s = 40.0
     dwell_s = 1.0
     subtasks = ("lifted", "through_gate", "over_goal", "set_down", "gate_untouched")

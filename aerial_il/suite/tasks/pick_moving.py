@@ -47,6 +47,16 @@ class PickMoving(PickPlace):
     name = "pick_moving"
     grade = "hard"
     instruction = "Pick up the orange cube from the moving table and place it in the blue bowl."
+    wordings = (
+        "Take the orange cube off the moving table and put it into the bowl.",
+        "Catch the cube on the table that moves, and drop it in the bowl.",
+        "从移动的桌子上拿起橙色方块，放进碗里。",
+        "抓住移动桌面上的方块，放到碗中。",
+    )
+    held_out = (
+        "Grasp the cube on the moving table and put it in the bowl.",
+        "请从移动的桌上抓起方块放进碗。",
+    )
     names = Names(
         sites=("cube", "bowl", "track"),
         joints=("cube", "table_x", "table_y"),

@@ -47,6 +47,13 @@ class PickPlace(Task):
     name = "pick_place"
     grade = "medium"
     instruction = "Pick up the orange cube and place it in the blue bowl."
+    wordings = (
+        "Put the orange cube into the blue bowl.",
+        "Grasp the orange cube and drop it in the bowl.",
+        "把橙色方块放进蓝色的碗里。",
+        "拿起橙色方块，放到碗中。",
+    )
+    held_out = ("Move the orange cube to the blue bowl.", "请把橙色方块放到碗里。")
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
@@ -66,8 +73,7 @@ class PickPlace(Task):
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
-        workable = partial(_workable, view.robot)
-        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=workable)
+        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=partial(workable, view.robot))
         yaw = rng.uniform(-np.pi, np.pi)
         pose, _ = view.free_joint("cube")
         view.qpos[world, pose] = [*cube, TABLE_HEIGHT_M + CUBE_HALF_M, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
@@ -153,8 +159,13 @@ def grasped(world):
 
 @kernel
 def cube_heading(world):
-    """Cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
-    mat = site_mat(world, CUBE)
+    return heading_of(world, CUBE)
+
+
+@kernel
+def heading_of(world, cube):
+    """Cosine and sine of four times the yaw of a cube's site: the same for every face that could be gripped."""
+    mat = site_mat(world, cube)
     length = math.sqrt(mat[0] * mat[0] + mat[3] * mat[3]) + 1e-9
     c, s = mat[0] / length, mat[3] / length
     c2, s2 = c * c - s * s, 2.0 * c * s
@@ -175,7 +186,7 @@ def in_bowl(world):
     return planar_norm(offset) <= IN_BOWL_M and LOW_IN_BOWL_M <= offset[2] <= HIGH_IN_BOWL_M
 
 
-def _workable(robot: Robot, place: np.ndarray) -> bool:
+def workable(robot: Robot, place: np.ndarray) -> bool:
     """Whether the tool can go down at a place (2,) m of the table, from as high as it travels."""
     heights = (TABLE_HEIGHT_M + 0.5 * CUBE_HALF_M, TABLE_HEIGHT_M + HEADROOM_M)
     return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)
