@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.suite.physics import episode_state as layout
-from aerial_il.suite.tasks import carry_slung_load
+from aerial_il.suite.tasks import carry_slung_load, toss_ball
 from tests.contract.placed import (
     ALL,
+    ANY,
     NONE,
     SOME,
     Placed,
     Scatter,
     Stage,
     about,
+    anywhere,
     ball,
     disc,
     level,
@@ -94,4 +96,57 @@ LOAD = {
     "at the edge of rest": (SOME, delivered(speed=(0.048, 0.052))),
     "at the edge of its swing": (SOME, delivered(swing=(4.8, 5.2))),
     "held down by a link": (NONE, with_robot(delivered(), "link_1", "load", 0.0, 0.01)),
+}
+
+
+# toss_ball: "Take the orange ball off its tee and throw it into the blue bin without entering the red circle."
+
+
+def ball_in_bin(placed: Placed) -> np.ndarray:
+    """Between the bin's walls, at rest, touched by nobody; the base has kept out of the circle."""
+    away = placed.pos("ball") - placed.pos("bin")
+    inside = (level(away) <= 0.15) & (away[:, 2] >= 0.07) & (away[:, 2] <= 0.12)
+    still = np.linalg.norm(placed.vel("ball"), axis=1) <= 0.05
+    return inside & still & (placed.task_state[:, 0] == 0.0) & ~placed.robot_on("ball") & placed.untouched
+
+
+def ball_at(
+    off: tuple[float, float] = (0.0, 0.12),
+    height: tuple[float, float] = (0.085, 0.115),
+    *,
+    speed: tuple[float, float] = (0.0, 0.045),
+    entered: float = 0.0,
+) -> Scatter:
+    """Put the ball ``off`` m from the bin's axis, ``height`` m over its underside; remember if the base came in."""
+
+    def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+        k = rows.size
+        pos = stage.where(rows, "bin")[0] + disc(rng, k, *off) + up(rng.uniform(*height, k))
+        stage.free(rows, "ball", pos, vel=ball(rng, k, *speed))
+        stage.task_state[rows, toss_ball.ENTERED] = entered
+
+    return place
+
+
+def gripped(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+    """In the bin, between closed fingers."""
+    for side in ("left", "right"):
+        stage.joint(rows, f"finger_{side}", np.full(rows.size, 0.0295))
+    with_robot(ball_at(), "tool", "ball", 0.0, 0.0001)(stage, rows, rng)
+
+
+TOSS = {
+    "in the bin": (ALL, ball_at()),
+    "wherever it starts": (NONE, lambda stage, rows, rng: None),
+    "anywhere": (ANY, anywhere("ball")),
+    "beside the bin": (NONE, ball_at(off=(0.151, 1.0), height=(0.0, 0.5))),
+    "under it, in its floor": (NONE, ball_at(height=(-0.1, 0.0699))),
+    "over it": (NONE, ball_at(height=(0.121, 1.5))),
+    "moving": (NONE, ball_at(speed=(0.051, 3.0))),
+    "after the base was in the circle": (NONE, ball_at(entered=1.0)),
+    "at the edge of the bin": (SOME, ball_at(off=(0.145, 0.155))),
+    "at the edges of height": (SOME, ball_at(height=(0.115, 0.125))),
+    "at the edge of rest": (SOME, ball_at(speed=(0.045, 0.055))),
+    "in the gripper": (NONE, gripped),
+    "held down by a link": (NONE, with_robot(ball_at(), "link_1", "ball", 0.0, 0.01)),
 }

@@ -1,4 +1,4 @@
-"""Moving table and slung load: what swings keeps its energy, and no short cut counts."""
+"""Moving table, slung load and throw: what swings keeps its energy, and no short cut counts."""
 
 from __future__ import annotations
 
@@ -7,13 +7,17 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il import robots
+from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.arrays import length, planar_length
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode import measured
 from aerial_il.suite.physics import episode_state
 from aerial_il.suite.props.moving_table import SLIDES, TABLE_MASS_KG
 from aerial_il.suite.props.slung_load import CABLE_M, LOAD_HALF_M
+from aerial_il.suite.props.toss import BALL_RADIUS_M, BIN_RADIUS_M
 from aerial_il.suite.tasks import carry_slung_load, pick_moving
+from aerial_il.suite.tasks.toss_ball import fence_radius
 from tests.contract.registered import batch, hold_actions
 
 ROBOT = "fa_hexa_arm4"
@@ -257,3 +261,77 @@ def test_the_expert_lifts_a_load_again_that_was_put_aside() -> None:
     for _ in range(900):
         success |= worlds.step(expert.act({}), ~success).info["success"]
     assert success.all()
+
+
+# toss_ball
+
+TOSS = (ROBOT, "toss_ball")
+
+
+def move_base_to(worlds: BatchEnvironment, away: float) -> None:
+    """Shift the robot of every world until its base is ``away`` m from the bin's axis, on the side it is on."""
+    view = worlds.simulation.view
+    offset = (view.base_pos - view.site_pos("bin")) * [1.0, 1.0, 0.0]
+    move_robot(worlds, view.tool_pos + (away / length(offset) - 1.0)[:, None] * offset)
+
+
+def put_in_bin(worlds: BatchEnvironment, height: float = 0.09, vel: np.ndarray | float = 0.0) -> None:
+    """Put the ball of every world into the bin."""
+    put_free(worlds, "ball", worlds.simulation.view.site_pos("bin") + np.array([0.0, 0.0, height]), vel)
+
+
+def test_a_ball_in_the_bin_for_half_a_second_counts() -> None:
+    worlds = started(TOSS)
+    put_in_bin(worlds)
+    assert not hold(worlds, 20).any()
+    assert hold(worlds, 20).all()
+
+
+def test_a_base_inside_the_fence_before_the_ball_is_in_loses() -> None:
+    worlds = started(TOSS)
+    fence = fence_radius(worlds.simulation.robot)
+    move_base_to(worlds, fence - 0.02)
+    result = worlds.step(hold_actions(worlds))
+    assert result.info["dropped"].all()
+    move_base_to(worlds, fence + 0.5)
+    put_in_bin(worlds)
+    assert not hold(worlds, 60).any(), "what was lost stays lost"
+
+
+def test_a_base_may_come_in_once_the_ball_is_in() -> None:
+    worlds = started(TOSS)
+    put_in_bin(worlds)
+    hold(worlds, 15)
+    move_base_to(worlds, fence_radius(worlds.simulation.robot) - 0.02)
+    assert hold(worlds, 40).all()
+
+
+def test_a_ball_on_the_ground_is_lost_and_a_held_one_does_not_count() -> None:
+    worlds = started(TOSS)
+    put_free(worlds, "ball", np.tile([0.9, 0.0, BALL_RADIUS_M], (3, 1)))
+    for _ in range(5):
+        result = worlds.step(hold_actions(worlds))
+    assert result.info["dropped"].all()
+    worlds.reset(0)
+    put_in_bin(worlds)
+    move_robot(worlds, worlds.simulation.view.site_pos("ball").copy())
+    assert not hold(worlds, 40).any()
+
+
+@pytest.mark.parametrize(("height", "sideways"), [(2.3, 0.8), (2.6, 0.0), (2.3, 1.5)])
+def test_a_ball_that_falls_into_the_bin_stays_in_it(height: float, sideways: float) -> None:
+    """As a throw arrives, from higher up and twice as fast: it neither bounces out nor passes through the floor."""
+    worlds = started(TOSS, 16)
+    angle = np.arange(16) * np.pi / 8
+    vel = np.stack(
+        [sideways * np.cos(angle), sideways * np.sin(angle), np.full(16, -np.sqrt(2.0 * GRAVITY * height))], axis=1
+    )
+    put_in_bin(worlds, 0.15, vel)
+    assert hold(worlds, 200).all()
+
+
+def test_no_robot_reaches_over_the_bin_from_outside_the_fence() -> None:
+    for name in (robot for robot, task in aerial_il.list_cells() if task == "toss_ball"):
+        robot = robots.get(name)
+        stretched = robot.arm.reach + robot.gripper.finger_length + float(np.linalg.norm(robot.arm.mount))
+        assert fence_radius(robot) - stretched >= BIN_RADIUS_M - 1e-9

@@ -31,7 +31,7 @@ def add_slung_load(spec: mujoco.MjSpec, robot: Robot) -> None:
     tool = spec.site("tool")
     hook = tool.pos + np.array([robot.gripper.tip_distance, 0.0, 0.0])
     tool.parent.add_site(name="hook", pos=hook, size=[0.003] * 3, group=4)
-    cable = spec.add_tendon(name="cable", width=0.004, rgba=BLACK, limited=True, range=[0.0, CABLE_M], **TAUT)
+    cable = spec.add_tendon(name="cable", width=0.006, rgba=BLACK, limited=True, range=[0.0, CABLE_M], **TAUT)
     cable.wrap_site("hook")
     cable.wrap_site("eye")
     add_contact_sensor(spec, "load_on_ground", geoms=("load", "ground"))
