@@ -15,14 +15,18 @@ from zlib import crc32
 
 import numpy as np
 
-SIZE = 64
+SIZE = 128
+EMPTY = frozenset(
+    {"a", "an", "and", "at", "by", "in", "is", "it", "its", "of", "on", "please", "the", "there", "to", "with"}
+    | set("把到的将让请在并使用上")
+)  # words that say nothing of a task
 FIELD = "instruction"  # of an observation
 _TOKEN = re.compile(r"[a-z0-9]+|[\u3400-\u9fff]")
 
 
 def tokens(text: str) -> list[str]:
-    """Return the words of a text in lower case, Chinese characters one by one."""
-    return _TOKEN.findall(unicodedata.normalize("NFKC", text).lower())
+    """Return the words of a text that say something, in lower case; Chinese characters one by one."""
+    return [word for word in _TOKEN.findall(unicodedata.normalize("NFKC", text).lower()) if word not in EMPTY]
 
 
 def embedded(text: str) -> np.ndarray:

@@ -54,7 +54,7 @@ class Row:
     Attributes:
         method, robot, task, condition: what was flown. trainings: how many of the method there are.
         success, episodes: counts over all trainings. rate: of success.
-        ci95: its 95 % interval: Wilson's of one training, over trainings and seeds of several.
+        ci95: its 95 % interval: Wilson's; of several trainings, by resamples of trainings and seeds, if that is wider.
         difference: to the twins. difference_ci95, p_value, p_adjusted: of it, the last by Holm's method over all rows;
             None of the twins themselves.
         lost, gained: seeds of a single training that only the twin won, and that it did not.
@@ -154,14 +154,19 @@ def _row(
     won, first = _outcomes(method, results), results[0]
     count, total = int(won.sum()), won.size
     rng = named_rng(0, "evaluation", "laboratory", method, condition, first.task)
-    flat = statistics.bootstrap_trainings(won, rng=rng) if len(results) > 1 else statistics.wilson(count, total)
+    seeds_flown = won.shape[1]
+    ci95 = statistics.wilson(round(float(won.mean()) * seeds_flown), seeds_flown)
+    if len(results) > 1:
+        ci95 = _wider(ci95, statistics.bootstrap_trainings(won, rng=rng))
     change, change_ci95, p_value, lost, gained = 0.0, None, None, (), ()
     if twins is not None:
         before = _matched(method, condition, results, twins)
         change = float(won.mean() - before.mean())
         if len(results) > 1:
             each = won.mean(axis=0) - before.mean(axis=0)
-            change_ci95 = statistics.bootstrap_trainings(won - before, rng=rng)
+            worse, better = (round(float(np.maximum(sign * each, 0.0).sum())) for sign in (-1, 1))
+            least = statistics.paired_difference(worse, better, seeds_flown)
+            change_ci95 = _wider(least, statistics.bootstrap_trainings(won - before, rng=rng))
             p_value = statistics.paired_permutation_test(each, rng=rng)
         else:
             seeds = np.array(first.seeds)
@@ -172,9 +177,14 @@ def _row(
     cell = {"robot": first.robot, "task": first.task}
     return Row(
         method=method, **cell, condition=condition, trainings=len(results), success=count, episodes=total,
-        rate=count / total, ci95=flat, difference=change, difference_ci95=change_ci95, p_value=p_value,
+        rate=count / total, ci95=ci95, difference=change, difference_ci95=change_ci95, p_value=p_value,
         p_adjusted=p_value, lost=lost, gained=gained, failures=kinds_of(episodes),
     )  # fmt: skip
+
+
+def _wider(least: Interval, resampled: Interval) -> Interval:
+    """Return the hull of both: that of resamples has no width where all outcomes are equal."""
+    return Interval(min(least.lo, resampled.lo), max(least.hi, resampled.hi))
 
 
 def _outcomes(method: str, results: Sequence[EvaluationResult]) -> np.ndarray:

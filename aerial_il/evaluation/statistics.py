@@ -149,7 +149,7 @@ def bootstrap_trainings(
     trainings, seeds = outcomes.shape
     rows = rng.multinomial(trainings, np.full(trainings, 1 / trainings), size=resamples) / trainings
     columns = rng.multinomial(seeds, np.full(seeds, 1 / seeds), size=resamples) / seeds
-    means = np.einsum("rk,kn,rn->r", rows, outcomes, columns, optimize=True)
+    means = np.einsum("rk,kn,rn->r", rows, outcomes, columns, optimize=True).clip(outcomes.min(), outcomes.max())
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))

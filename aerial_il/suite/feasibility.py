@@ -8,8 +8,10 @@ from aerial_il.control.vehicle import GRAVITY, Gains
 from aerial_il.robots.robot import Robot
 
 STEADY_SHARE = 0.2  # of its weight a vehicle pulls sideways with, in wind too
+STEADY_SHARE_OF_YAW = 0.5  # of the room that its rotors have in hover it turns things with
 WANDER_M = 0.03  # of a base while its tool touches something
 GENTLE_SHARE = 0.7  # of a largest force that its wander may use up
+CARRIED_SHARE = 0.15  # of its weight it carries: its observer makes up for a fifth, and the load may weigh 30 % more
 LEANING_SHARE = 0.3  # of its weight it leans on something with, and still flies
 
 
@@ -21,11 +23,30 @@ def infeasible_pulling(robot: Robot, force: float) -> str | None:
     return None
 
 
+def infeasible_lifting(robot: Robot, force: float) -> str | None:
+    """Say why ``robot`` cannot carry what weighs ``force`` N, or None if it can."""
+    strength = CARRIED_SHARE * robot.vehicle.mass * GRAVITY
+    if strength < force:
+        return f"it can carry at most 15 % of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
+    return None
+
+
 def infeasible_pressing(robot: Robot, force: float) -> str | None:
     """Say why ``robot`` cannot press with ``force`` N, or None if it can."""
     strength = LEANING_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
         return f"it can press with at most 30 % of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
+    return None
+
+
+def infeasible_twisting(robot: Robot, torque: float) -> str | None:
+    """Say why ``robot`` cannot turn something about the vertical with ``torque`` N m, or None if it can."""
+    vehicle = robot.vehicle
+    hover = vehicle.mixer[:, 2] * vehicle.mass * GRAVITY
+    room = np.minimum(vehicle.rotor_max - hover, hover - vehicle.rotor_min)
+    strength = STEADY_SHARE_OF_YAW * float(np.min(room / np.maximum(np.abs(vehicle.mixer[:, 5]), 1e-9)))
+    if strength < torque:
+        return f"its rotors give {strength:.2f} N m about the vertical with half of their room, {torque:.2f} N m are needed"
     return None
 
 

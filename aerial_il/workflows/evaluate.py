@@ -5,9 +5,8 @@ from __future__ import annotations
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
 from aerial_il.policies.parts.execution import AS_TRAINED, Execution
@@ -157,6 +156,7 @@ def _executing(pilot: Pilot, settings: Evaluate) -> Pilot:
 
 def _tell(pilot: Pilot, settings: Evaluate) -> None:
     """Tell a policy in words what to do."""
+    from aerial_il.core import language
     from aerial_il.policies.parts.flying import FlyingPolicy
 
     if settings.instruction is None:
@@ -185,13 +185,21 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
     journal.start({**subject, CALLED: name})
-    command = {"command": _command(settings, pilot)}
+    command = {"command": _command(settings, pilot), **_trained(settings.policy)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
     )
     written = results.save(result, Path(settings.out), env=env, videos=settings.videos, progress=settings.progress)
     journal.close()
     return result, written
+
+
+def _trained(policy: str) -> dict[str, Any]:
+    """Return how a policy came about, where its folder is that of a run."""
+    from aerial_il.evaluation.leaderboard import TRAINED, trained
+    from aerial_il.evaluation.training_run import is_run, read_run
+
+    return {TRAINED: trained(read_run(policy))} if is_run(policy) else {}
 
 
 def _command(settings: Evaluate, pilot: Pilot) -> str:

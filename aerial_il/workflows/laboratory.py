@@ -50,15 +50,16 @@ def planned(settings: Evaluate) -> list[Planned]:
     every = runs_of(settings)
     for each in every:
         _check_noticed(each, conditions)
-    return [
-        Planned(
-            methods.get(each.policy, each.policy),
-            condition,
-            replace(each, tier=condition.tier, conditions=(), out=str(Path(each.out) / condition.folder)),
-        )
-        for each in every
-        for condition in conditions
-    ]
+    plan, filmed = list[Planned](), set[str]()
+    for each in every:
+        method = methods.get(each.policy, each.policy)
+        films = 0 if method in filmed else min(1, each.videos)  # of one training: they take longer than the flights
+        filmed.add(method)
+        own = replace(each, conditions=(), videos=films)
+        for condition in conditions:
+            out = str(Path(each.out) / condition.folder)
+            plan.append(Planned(method, condition, replace(own, tier=condition.tier, out=out)))
+    return plan
 
 
 def laboratory(settings: Evaluate, *, each: Callable[[Planned, Evaluated], None]) -> tuple[Laboratory, Path]:
@@ -79,7 +80,8 @@ def laboratory(settings: Evaluate, *, each: Callable[[Planned, Evaluated], None]
     from aerial_il.workflows.spelling import command_line, words_of
 
     flown: dict[str, dict[str, list[EvaluationResult]]] = {}
-    plan, films = planned(settings), list[tuple[str, Clip]]()
+    plan = planned(settings)
+    films: list[tuple[str, Clip]] = []
     several = len({one.method for one in plan}) > 1
     for one in plan:
         made = evaluate(one.settings)

@@ -122,6 +122,11 @@ class Placed:
         """(n, 3, 3)."""
         return np.array([data.body(body).xmat.reshape(3, 3).copy() for data in self._datas])
 
+    def vel(self, joint: str) -> np.ndarray:
+        """(n, 3) linear velocity of a free joint."""
+        first = self._model.joint(joint).dofadr[0]
+        return self.qvel[:, first : first + 3]
+
     @cached_property
     def tool(self) -> np.ndarray:
         """(n, 3)."""

@@ -11,10 +11,10 @@ from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
+from aerial_il.data.provenance import INSTRUCTION
 
 MEANING = "what the robot is told, a hashed bag of words"
-INSTRUCTION = Field(language.FIELD, (language.SIZE,), "task", meaning=MEANING, noise="exact: the user gives it")
-SAID = "instruction"  # of an episode's provenance, where the instructions of a dataset differ
+TOLD = Field(language.FIELD, (language.SIZE,), "task", meaning=MEANING, noise="exact: the user gives it")
 
 
 def in_words(episode: Episode) -> Episode:
@@ -26,14 +26,14 @@ def in_words(episode: Episode) -> Episode:
     Raises:
         InvalidValueError: neither the episode nor its dataset says what is done.
     """
-    text = str(episode.provenance.get(SAID) or "") or _worded(episode.spec, episode.uid)
+    text = episode.instruction if INSTRUCTION in episode.provenance else _worded(episode.spec, episode.uid)
     if not language.tokens(text):
         raise InvalidValueError(
             f"Episode {episode.uid} has no instruction to learn from with dataset.language=true: give it one, "
             "aerial-il relabel DATASET instruction='...' out=..."
         )
     seen = np.tile(language.embedded(text), (len(next(iter(episode.obs.values()))), 1))
-    spec = replace(episode.spec, observation=ObservationSpec((*episode.spec.observation.fields, INSTRUCTION)))
+    spec = replace(episode.spec, observation=ObservationSpec((*episode.spec.observation.fields, TOLD)))
     return replace(episode, spec=spec, obs={**episode.obs, language.FIELD: seen})
 
 

@@ -188,6 +188,12 @@ def mocap_pos(world, k):
 
 
 @kernel
+def mocap_pos_after(world, k, places):
+    """Position of the mocap body that was added ``places`` after the task's number ``k``, as :func:`mocap_pos`."""
+    return doubles(world.mocap_pos + 24 * (world.mocaps[k] + places), 3)
+
+
+@kernel
 def touching(world, k):
     """Whether the task's contact sensor number ``k`` sees at least one contact."""
     return doubles(world.sensordata + 8 * world.contacts[k], 1)[0] > 0.0

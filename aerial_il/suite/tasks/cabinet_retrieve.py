@@ -69,6 +69,16 @@ class CabinetRetrieve(Task):
     name = "cabinet_retrieve"
     grade = "hard"
     instruction = "Open the cabinet, take the orange cube out of it and set it down upright on the white spot."
+    wordings = (
+        "Open the door, take the cube out of the cabinet and place it on the spot.",
+        "Fetch the orange cube from the cabinet and stand it on the white spot.",
+        "打开柜子，取出橙色方块，放到白色标记上。",
+        "从柜子里拿出方块，立在白点上。",
+    )
+    held_out = (
+        "Take the cube out of the cabinet and set it on the white spot.",
+        "请从柜中取出方块放到白色标记。",
+    )
     time_limit_s = 60.0
     dwell_s = 1.0
     subtasks = ("hooked", "open", "grasped", "out", "over_spot", "set_down")

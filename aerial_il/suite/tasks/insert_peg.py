@@ -51,6 +51,13 @@ class InsertPeg(Task):
     name = "insert_peg"
     grade = "hard"
     instruction = "Take the orange peg out of its stand and insert it into the blue socket."
+    wordings = (
+        "Pull the orange peg from its stand and push it into the blue hole.",
+        "Insert the peg in the blue socket.",
+        "把橙色插销从支架上取下，插入蓝色的孔。",
+        "将插销插进蓝色插座。",
+    )
+    held_out = ("Put the orange peg into the blue socket.", "请把插销插入蓝色插座里。")
     time_limit_s = 40.0
     dwell_s = 0.5
     subtasks = ("at_peg", "grasped", "lifted", "over_hole", "in_hole", "inserted")

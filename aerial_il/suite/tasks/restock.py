@@ -55,6 +55,16 @@ class Restock(Task):
     name = "restock"
     grade = "hard"
     instruction = "Open the cabinet, put the three cubes from the table into it and close it again."
+    wordings = (
+        "Put all three cubes into the cabinet and shut it.",
+        "Open the cabinet, fill it with the cubes and close its door.",
+        "打开柜门，把三个方块放进柜子，再关上门。",
+        "把桌上的三个方块都放进柜里并关门。",
+    )
+    held_out = (
+        "Open the cabinet, put the cubes in, then close the door.",
+        "请把三个方块放入柜子，关好门。",
+    )
     time_limit_s = 90.0
     dwell_s = 1.0
     subtasks = ("hooked", "open", "one_in", "two_in", "all_in", "closed")

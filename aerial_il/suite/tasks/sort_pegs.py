@@ -62,6 +62,16 @@ class SortPegs(Task):
     name = "sort_pegs"
     grade = "hard"
     instruction = "Insert each peg into the socket of its colour, in the order that the lamps show from left to right."
+    wordings = (
+        "Insert the three pegs in the order of the lamps, each into the hole of its colour.",
+        "Sort the pegs by colour, in the order that the lamps showed.",
+        "按指示灯的顺序把三根插销插入同色的孔。",
+        "按灯的次序将插销分别插进对应颜色的孔里。",
+    )
+    held_out = (
+        "Put each peg into the hole of its own colour, in the order of the lamps.",
+        "请按灯的顺序插好三根插销。",
+    )
     time_limit_s = 60.0
     dwell_s = 0.5
     subtasks = ("first_lifted", "first_in", "second_lifted", "second_in", "third_lifted", "third_in")

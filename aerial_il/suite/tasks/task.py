@@ -82,7 +82,8 @@ class Task(ABC):
             a matter of the goal alone; None elsewhere.
         sight: objects that are seen, and numbers of what moves of them (7 a site, 2 a joint), of a task that has more
             of either than the fixed layout of an episode's memory holds.
-        scene_height_m: of the point that the camera ``scene`` looks at.
+        scene_height_m: of the point that the camera ``scene`` looks at. scene_distance: how far off that camera is, in
+            units of what suits a table.
     """
 
     name: ClassVar[str]
@@ -104,6 +105,7 @@ class Task(ABC):
     goal: ClassVar[GoalSpec | None] = None
     sight: ClassVar[tuple[int, int]] = (MAX_OBJECTS, PAST_SIZE)
     scene_height_m: ClassVar[float] = 0.9
+    scene_distance: ClassVar[float] = 1.0
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels
