@@ -52,9 +52,7 @@ class LaboratoryStudy:
     """
 
     name: ClassVar[str] = "laboratory"
-    question: ClassVar[str] = (
-        "How often does a policy seem to differ from itself, and do flights come out again?"
-    )
+    question: ClassVar[str] = "How often does a policy seem to differ from itself, and do flights come out again?"
 
     policy: PolicySettings = field(default_factory=MLP)
     algorithm: BC = field(default_factory=BC)

@@ -25,9 +25,8 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
-from tests.contract.rules_of_dynamics import LOAD, load_delivered
-from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
 from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
+from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
 from tests.contract.rules_of_long_tasks import (
     RESTOCKED,
     SET_DOWN,
