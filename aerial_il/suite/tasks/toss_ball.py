@@ -68,6 +68,16 @@ class TossBall(Task):
     name = "toss_ball"
     grade = "hard"
     instruction = "Take the orange ball off its tee and throw it into the blue bin without entering the red circle."
+    wordings = (
+        "Throw the ball into the bin behind the fence.",
+        "Toss the ball from where it stands into the bin out of reach.",
+        "把球抛进围栏后面的箱子里。",
+        "将球投入够不着的箱中。",
+    )
+    held_out = (
+        "Toss the ball over the fence into the bin.",
+        "请把球扔进围栏后的箱子。",
+    )
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_ball", "grasped", "lifted", "thrown", "in_bin")
