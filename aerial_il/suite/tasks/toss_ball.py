@@ -69,14 +69,14 @@ class TossBall(Task):
     grade = "hard"
     instruction = "Take the orange ball off its tee and throw it into the blue bin without entering the red circle."
     wordings = (
-        "Throw the ball into the bin behind the fence.",
-        "Toss the ball from where it stands into the bin out of reach.",
-        "把球抛进围栏后面的箱子里。",
+        "Throw the orange ball into the blue bin from outside the red circle.",
+        "Toss the ball from its tee into the bin, out of reach.",
+        "从红圈外把橙色的球抛进蓝色箱子。",
         "将球投入够不着的箱中。",
     )
     held_out = (
-        "Toss the ball over the fence into the bin.",
-        "请把球扔进围栏后的箱子。",
+        "Toss the orange ball into the bin and stay out of the red circle.",
+        "请把球扔进箱子，不要进红圈。",
     )
     time_limit_s = 30.0
     dwell_s = 0.5
