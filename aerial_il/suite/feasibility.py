@@ -46,7 +46,7 @@ def infeasible_twisting(robot: Robot, torque: float) -> str | None:
     room = np.minimum(vehicle.rotor_max - hover, hover - vehicle.rotor_min)
     strength = STEADY_SHARE_OF_YAW * float(np.min(room / np.maximum(np.abs(vehicle.mixer[:, 5]), 1e-9)))
     if strength < torque:
-        return f"its rotors give {strength:.2f} N m about the vertical with half of their room, {torque:.2f} N m are needed"
+        return f"half of what its rotors can turn it with is {strength:.2f} N m, and the task needs {torque:.2f} N m"
     return None
 
 

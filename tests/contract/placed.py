@@ -127,6 +127,10 @@ class Placed:
         first = self._model.joint(joint).dofadr[0]
         return self.qvel[:, first : first + 3]
 
+    def joint(self, name: str) -> np.ndarray:
+        """(n,) position of a hinge or slide joint."""
+        return np.array([data.joint(name).qpos[0] for data in self._datas])
+
     @cached_property
     def tool(self) -> np.ndarray:
         """(n, 3)."""

@@ -26,6 +26,7 @@ from tests.contract.placed import (
     Stage,
 )
 from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
+from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
 from tests.contract.rules_of_long_tasks import (
     RESTOCKED,
     SET_DOWN,
@@ -150,7 +151,9 @@ RULES = {
     "restock": Rule(cubes_shut_in, RESTOCKED),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
     "sort_pegs": Rule(pegs_sorted, SORTED),
+    "screw_bulb": Rule(bulb_screwed_in, BULB),
     "take_off": Rule(base_at_mark, TAKE_OFF),
     "toss_ball": Rule(ball_in_bin, TOSS),
     "track": Rule(lap_followed, LAP),
+    "wipe_window": Rule(window_clean, WINDOW),
 }

@@ -20,9 +20,10 @@ CLOSED = (
     "simulate",
 )  # open nothing of somebody else
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "columns", "conditions", "cuts", "format", "controls", "devices", "env", "evaluate_tier",
-    "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
-    "parts", "prune", "repo", "sort", "success", "tag", "tiers", "time_scale", "tracker", "ui", "uid", "viewer", "where",
+    "action", "cameras", "certificate", "columns", "conditions", "controls", "cuts", "devices", "env",
+    "evaluate_tier", "filter_key", "flight_tier", "flights", "format", "hardware", "host", "instruction", "key_file",
+    "license", "operator", "parts", "prune", "repo", "sort", "success", "tag", "tiers", "time_scale", "tracker", "ui",
+    "uid", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("export", "out"), ("publish", "out"),

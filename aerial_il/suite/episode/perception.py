@@ -31,6 +31,7 @@ from aerial_il.suite.scenario import Scenario
 KINDS = {mujoco.mjtJoint.mjJNT_HINGE: HINGE, mujoco.mjtJoint.mjJNT_SLIDE: SLIDE}
 POSE_SIZE, JOINT_SIZE = 7, 2  # numbers that are remembered of a site and of a joint that move
 NUM_ERRORS = 6  # of an object
+MOST_OBJECTS = 6  # whose random numbers have channels of their own, see ``estimation``
 
 
 class Perceived:
@@ -98,9 +99,10 @@ class Perceived:
         roots = [int(model.body_rootid[body]) for body, exact in zip(sites, commanded, strict=True) if not exact]
         self._roots = list(dict.fromkeys(roots))
         most, _ = self._task.sight
-        if len(self._roots) > most:
+        if not len(self._roots) <= most <= MOST_OBJECTS:
             raise InvalidValueError(
-                f"{self._task.name} shows {len(self._roots)} objects; at most {most}: say more in its `sight`."
+                f"{self._task.name} shows {len(self._roots)} objects, its `sight` says {most}: say as many, "
+                f"{MOST_OBJECTS} at most."
             )
         for k, body in enumerate(sites):
             sight["site_objects"][0, k] = EXACT if commanded[k] else self._roots.index(model.body_rootid[body])
@@ -129,17 +131,11 @@ class Perceived:
     def _find_memory(self, sight: np.ndarray) -> None:
         """Say where errors and past lie: in the fixed layout, or at the end where they do not fit in there."""
         objects, moving = self._task.sight
-        memory = self._model.nuserdata
+        sight["memory"] = memory = self._model.nuserdata
+        sight["errors"], sight["past"], sight["past_size"] = layout.ERRORS.start, layout.PAST.start, layout.PAST_SIZE
         if behind := layout.sight_size(objects, moving):
             sight["errors"], sight["past_size"] = memory - behind, moving
             sight["past"] = sight["errors"] + NUM_ERRORS * objects
-        else:
-            sight["errors"], sight["past"], sight["past_size"] = (
-                layout.ERRORS.start,
-                layout.PAST.start,
-                layout.PAST_SIZE,
-            )
-        sight["memory"] = memory
 
     def _draw_errors(self, mask: np.ndarray) -> None:
         """Draw the errors with which episodes start that lie behind the layout; ``estimation`` draws the others."""

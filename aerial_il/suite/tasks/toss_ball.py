@@ -68,6 +68,16 @@ class TossBall(Task):
     name = "toss_ball"
     grade = "hard"
     instruction = "Take the orange ball off its tee and throw it into the blue bin without entering the red circle."
+    wordings = (
+        "Throw the orange ball into the blue bin from outside the red circle.",
+        "Toss the ball from its tee into the bin, out of reach.",
+        "从红圈外把橙色的球抛进蓝色箱子。",
+        "将球投入够不着的箱中。",
+    )
+    held_out = (
+        "Toss the orange ball into the bin and stay out of the red circle.",
+        "请把球扔进箱子，不要进红圈。",
+    )
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_ball", "grasped", "lifted", "thrown", "in_bin")

@@ -39,7 +39,7 @@ FORCE_N, FORCE_TOLERANCE_N = 5.0, 2.0
 BREAKING_N = 15.0
 WIPED_SHARE = 0.9
 WIPED_M = 0.025  # from the fingertips to the middle of a patch
-SLIDING_M_S = 0.02
+SLIDING_M_S, SLIDING_S = 0.04, 0.2  # a hand that trembles is faster, but not for so long
 ON_PANE_M = 0.02  # of the fingertips from the face
 CLOSED_SHARE = 0.2  # of its stroke
 TOUCH_N = 0.5  # normal force at which contact begins and ends
@@ -48,7 +48,8 @@ TILT_RANGE_RAD, YAW_RANGE_RAD = (0.9, 1.2), (-0.4, 0.4)
 START_LOW, START_HIGH = np.array([-0.6, -0.3, 1.1]), np.array([-0.4, 0.3, 1.3])
 CELLS = ROWS * COLUMNS
 DIRTY, LEFT, BROKEN, TOUCHED = range(4)  # in the task's state: cells with dirt, as bits, at the start and now; flags
-LAST, PRESSED, IN_BAND = 4, 6, 7  # fingertips on the pane, m (2); physics steps in contact, those in the band
+TRAIL, PRESSED, IN_BAND = 4, 6, 7  # point that trails the fingertips, m (2); physics steps in contact, in the band
+TRAIL_SHARE = 1.0 - math.exp(-CONTROL_DT_S / SLIDING_S)
 PANE, WINDOW = 0, 0  # site, mocap body
 ON_WINDOW, BY_TOOL = range(2)  # forces: on the pane, and what a sensor in the wrist feels
 GONE = (0.0, 0.0, -1.0)  # where dirt is that has been wiped off, m
@@ -57,11 +58,12 @@ GONE = (0.0, 0.0, -1.0)  # where dirt is that has been wiped off, m
 class WipeWindow(Task):
     """At least 13 of 14 patches of dirt wiped off, the pane whole, and nothing but the gripper touched, for 0.5 s.
 
-    A patch is wiped in a control step in which the fingertips slide over it: they pass within 2.5 cm of its middle, at
-    2 cm/s or more, less than 2 cm from the pane, while every sample of the normal force is 5 ± 2 N; the gripper is open
-    by a fifth at most, and links and rotors touch nothing. The force is that of all parts of the robot on the pane,
-    sampled at each physics step (250 Hz) behind a first-order low-pass of 15 Hz. ``force_in_band_raw`` is the share of
-    the physics steps in contact in which the contact solver's own force was in that band.
+    A patch is wiped in a control step in which the fingertips slide over it: they pass within 2.5 cm of its middle at
+    4 cm/s or more (as a first-order low-pass of 0.2 s has it), less than 2 cm from the pane, while every sample of the
+    normal force is 5 ± 2 N; the gripper is open by a fifth at most, and links and rotors touch nothing. The force is
+    that of all parts of the robot on the pane, sampled at each physics step (250 Hz) behind a first-order low-pass of
+    15 Hz. ``force_in_band_raw`` is the share of the physics steps in contact in which the contact solver's own force
+    was in that band.
 
     A sample above 15 N breaks the pane: the episode ends as dropped. The patches are squares of 4 cm, a random
     connected shape of 14 on a grid of 4 by 11. The pane is tilted by 52° to 69° towards the robot, sprung (it yields by
@@ -71,6 +73,16 @@ class WipeWindow(Task):
     name = "wipe_window"
     grade = "hard"
     instruction = "Wipe the brown dirt off the window with the closed gripper, pressing with five newtons."
+    wordings = (
+        "Wipe the dirt off the pane with five newtons.",
+        "Clean the window pane with the closed gripper.",
+        "用合拢的夹爪以五牛的力擦净窗玻璃。",
+        "把窗户上的污渍擦掉。",
+    )
+    held_out = (
+        "Wipe the dirty pane clean.",
+        "请擦干净窗户。",
+    )
     time_limit_s = 60.0
     dwell_s = 0.5
     subtasks = ("at_dirt", "touching", "at_force", "half_wiped", "wiped")
@@ -135,10 +147,14 @@ def observe(world, found):
 @kernel
 def remember(world):
     state, tip, felt = task_state(world), tip_on_pane(world), normal_force(world) >= TOUCH_N
-    was_touching, slid = in_touch(world), math.hypot(tip[0] - state[LAST], tip[1] - state[LAST + 1])
-    if was_touching and slid >= SLIDING_M_S * CONTROL_DT_S and wiping(world):
+    if not in_touch(world):
+        state[TRAIL], state[TRAIL + 1] = tip[0], tip[1]
+    ahead_x, ahead_y = tip[0] - state[TRAIL], tip[1] - state[TRAIL + 1]
+    if math.hypot(ahead_x, ahead_y) >= SLIDING_M_S * SLIDING_S and wiping(world):
         state[LEFT] = without_cells_near(int(state[LEFT]), tip)
-    state[TOUCHED], state[LAST], state[LAST + 1] = 1.0 if felt else 0.0, tip[0], tip[1]
+    state[TRAIL] += TRAIL_SHARE * ahead_x
+    state[TRAIL + 1] += TRAIL_SHARE * ahead_y
+    state[TOUCHED] = 1.0 if felt else 0.0
     for tick in range(SUBSTEPS):
         if along_normal(world, force_sample(world, tick)) > BREAKING_N:
             state[BROKEN] = 1.0

@@ -253,7 +253,7 @@ def test_a_task_must_say_what_its_mocap_bodies_are(monkeypatch: pytest.MonkeyPat
 
 def test_more_objects_than_the_memory_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PickPlace, "sight", (1, 14))
-    with pytest.raises(InvalidValueError, match="pick_place shows 2 objects; at most 1: say more in its `sight`"):
+    with pytest.raises(InvalidValueError, match="pick_place shows 2 objects, its `sight` says 1: say as many, 6 at"):
         aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts")
     monkeypatch.setattr(PickPlace, "sight", (4, 6))
     with pytest.raises(InvalidValueError, match="take 7 numbers, and an estimate holds 6"):
