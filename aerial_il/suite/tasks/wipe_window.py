@@ -31,7 +31,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.window import COLUMNS, PANE_HALF_M, PATCHES, PITCH_M, ROWS, TRAVEL_M, add_window
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import EXACT, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S, SUBSTEPS
 
@@ -44,8 +44,8 @@ ON_PANE_M = 0.02  # of the fingertips from the face
 CLOSED_SHARE = 0.2  # of its stroke
 TOUCH_N = 0.5  # normal force at which contact begins and ends
 WINDOW_LOW, WINDOW_HIGH = np.array([0.20, -0.20, 0.75]), np.array([0.40, 0.20, 0.90])
-TILT_RANGE_RAD, YAW_RANGE_RAD = (0.9, 1.2), (-0.4, 0.4)
-START_LOW, START_HIGH = np.array([-0.6, -0.3, 1.1]), np.array([-0.4, 0.3, 1.3])
+TILT_RANGE_RAD, YAW_RANGE_RAD = (0.9, 1.2), (-0.7, 0.1)  # seen from behind, but never edge on
+START_LOW, START_HIGH = np.array([-0.75, -0.25, 1.1]), np.array([-0.55, 0.25, 1.3])
 CELLS = ROWS * COLUMNS
 DIRTY, LEFT, BROKEN, TOUCHED = range(4)  # in the task's state: cells with dirt, as bits, at the start and now; flags
 TRAIL, PRESSED, IN_BAND = 4, 6, 7  # point that trails the fingertips, m (2); physics steps in contact, in the band
@@ -113,8 +113,16 @@ class WipeWindow(Task):
             seen("pane_rot6d", "first two columns of the pane's rotation", 6, unit="", frame="world from pane"),
             seen("tip_on_pane", "fingertips from the middle of the pane", frame="pane: up, across, out"),
             seen("tip_to_dirt", "from the fingertips to the nearest patch of dirt; zero when there is none"),
-            seen("dirt", "1 where dirt is left, row by row from below", CELLS, unit="", frame="pane", labels=cells),
-            seen("wiped_share", "share of the dirt that has been wiped off", 1, unit="", frame=""),
+            seen(
+                "dirt",
+                "1 where dirt is left, row by row from below",
+                CELLS,
+                unit="",
+                frame="pane",
+                labels=cells,
+                noise=EXACT,
+            ),
+            seen("wiped", "share of the dirt that has been wiped off", 1, unit="", labels=("share",), noise=EXACT),
             felt("tool_force", "contact force of the gripper on other things", real=False),
             felt("normal_force", "force of the whole robot on the pane", 1, frame="along its normal", real=False),
         )
@@ -246,6 +254,13 @@ def along_normal(world, vector):
 def tip_on_pane(world):
     """Fingertips from the middle of the pane's face: up it, across it and out of it, m."""
     return rotate_back(site_mat(world, PANE), sub(tip_pos(world), site_pos(world, PANE)))
+
+
+@kernel
+def ahead_of_trail(world):
+    """Fingertips from the point that trails them on the pane, world frame, m: along the way that they slide."""
+    state, tip = task_state(world), tip_on_pane(world)
+    return rotate(site_mat(world, PANE), (tip[0] - state[TRAIL], tip[1] - state[TRAIL + 1], 0.0))
 
 
 @kernel
