@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 
 from aerial_il.robots.parts.collision import FIXTURE, NOTHING
-from aerial_il.suite.props.post import GREY, add_post
+from aerial_il.suite.props.post import add_post
 
 PANE_HALF_M = (0.095, 0.235, 0.004)  # up the pane, across it, half its thickness
 FRAME_M = 0.008  # half the width of a bar of the frame
@@ -45,7 +45,7 @@ def add_window(spec: mujoco.MjSpec) -> None:
 
 
 def _add_frame(window: mujoco.MjsBody) -> None:
-    """Four bars round the pane and, behind it, the block that carries its springs."""
+    """Four bars round the pane."""
     box, (x, y, z) = mujoco.mjtGeom.mjGEOM_BOX, PANE_HALF_M
     out_x, out_y = x + FRAME_M + 0.002, y + FRAME_M + 0.002
     bars = {
@@ -56,5 +56,3 @@ def _add_frame(window: mujoco.MjsBody) -> None:
     }
     for name, (pos, size) in bars.items():
         window.add_geom(name=f"window_{name}", type=box, pos=pos, size=size, rgba=FRAME, **FIXTURE)
-    core = {"pos": [0, 0, -TRAVEL_M - 0.03], "size": [0.03, 0.03, 0.01], "rgba": GREY}
-    window.add_geom(name="window_core", type=box, **core, **FIXTURE)

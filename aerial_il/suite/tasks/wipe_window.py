@@ -30,7 +30,7 @@ from aerial_il.suite.physics.world import (
     untouched,
 )
 from aerial_il.suite.props.place import place
-from aerial_il.suite.props.window import COLUMNS, PANE_HALF_M, PATCHES, PITCH_M, ROWS, TRAVEL_M, add_window
+from aerial_il.suite.props.window import COLUMNS, PANE_HALF_M, PATCHES, PITCH_M, ROWS, add_window
 from aerial_il.suite.tasks.fields import EXACT, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S, SUBSTEPS
@@ -98,7 +98,7 @@ class WipeWindow(Task):
         place(view, world, "window", pos, yaw=yaw, pitch=-tilt)
         c, s, ct, st = np.cos(yaw), np.sin(yaw), np.cos(tilt), np.sin(tilt)
         up, across, out = np.array([c * ct, s * ct, st]), np.array([-s, c, 0.0]), np.array([-c * st, -s * st, ct])
-        place(view, world, "window_stand", pos - (TRAVEL_M + 0.04) * out)
+        place(view, world, "window_stand", pos - (PANE_HALF_M[0] + 0.02) * up - 0.02 * out)
         cells = _connected_shape(rng)
         for k, cell in enumerate(cells):
             x, y = cell_middle(cell)
