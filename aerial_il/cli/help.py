@@ -16,7 +16,7 @@ from aerial_il.core.schema import FROM, Key, options
 _ORDER = (
     "demo", "list", "view", "collect", "segment", "generate", "browse", "card", "judge", "merge", "split", "filter",
     "relabel", "delete", "undo", "prefer", "train", "evaluate", "export", "fly", "simulate", "report", "compare",
-    "replay", "validate", "recover", "convert", "publish",
+    "leaderboard", "replay", "validate", "recover", "convert", "publish",
 )  # fmt: skip
 _WIDTH, _COLUMNS = 34, 120
 

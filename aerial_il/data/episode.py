@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec
+from aerial_il.data.provenance import INSTRUCTION
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ class Episode:
     def __len__(self) -> int:
         """Return the number of control steps T."""
         return len(self.actions)
+
+    @property
+    def instruction(self) -> str:
+        """What was to be done: its own words, where the instructions of a dataset differ, else those of its task."""
+        return str(self.provenance.get(INSTRUCTION) or self.spec.instruction)
 
     @property
     def nbytes(self) -> int:

@@ -20,6 +20,7 @@ _UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
 HUMAN = "human:"  # before the name of a person who flew, or took over, in an episode's ``policy``
 DROPPED = "dropped"  # the note of a flight that ended because its object was out of reach for good
+INSTRUCTION = "instruction"  # key of an episode's own, where those of a dataset differ
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
 

@@ -15,6 +15,7 @@ from aerial_il.evaluation.journal import FOLDER, Journal
 from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 
 CONDITIONS = (
+    "instruction",
     "action_level",
     "controller",
     "control_dt_s",

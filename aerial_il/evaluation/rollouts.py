@@ -182,7 +182,7 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
         **provenance(),
         "engine": env.engine,
         "environment": {
-            "instruction": spec.instruction,
+            "instruction": told if (told := getattr(policy, "told", None)) is not None else spec.instruction,
             "action_level": spec.action.level,
             **{name: getattr(spec, name) for name in ("controller", "control_dt_s", "max_steps")},
             "num_envs": env.num_envs,

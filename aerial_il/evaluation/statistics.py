@@ -131,6 +131,30 @@ def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.rand
     return Interval(float(lo), float(hi))
 
 
+def bootstrap_trainings(
+    outcomes: np.ndarray, *, rng: np.random.Generator, resamples: int = MACRO_RESAMPLES
+) -> Interval:
+    """Return the interval of the mean of what several trainings did on the same seeds.
+
+    Trainings and seeds are both resampled, so that the spread of either is covered.
+
+    Args:
+        outcomes: (K, N) of K trainings on N seeds: successes, or differences between two conditions.
+        rng: source of the resamples.
+        resamples: number of them.
+
+    Source:
+        A. B. Owen, "The pigeonhole bootstrap", Annals of Applied Statistics 2007.
+    """
+    trainings, seeds = outcomes.shape
+    rows = rng.multinomial(trainings, np.full(trainings, 1 / trainings), size=resamples) / trainings
+    columns = rng.multinomial(seeds, np.full(seeds, 1 / seeds), size=resamples) / seeds
+    means = np.einsum("rk,kn,rn->r", rows, outcomes, columns, optimize=True).clip(outcomes.min(), outcomes.max())
+    tail = (1 - LEVEL) / 2
+    lo, hi = np.quantile(means, [tail, 1 - tail])
+    return Interval(float(lo), float(hi))
+
+
 def newcombe(count_a: int, total_a: int, count_b: int, total_b: int) -> Interval:
     """Return the interval of the difference ``b - a`` of two independent proportions.
 

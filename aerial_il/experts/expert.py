@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.view import View
 
 UNDECIDED = -1
-LEAD_M = 0.15  # a commanded position is at most this far ahead of the tool: smooth actions, bounded speed
+LEAD_M = 0.15  # of most experts: smooth actions, bounded speed
 
 
 @runtime_checkable
@@ -41,6 +41,7 @@ class Expert(ABC):
 
     Attributes:
         phase_names: names of the phases. phase: (n,) index of each world's present phase.
+        lead_m: a commanded position is at most this far ahead of the tool.
         expert_action: (n, 10) its last action before the perturbation: the label to learn from.
 
     Args:
@@ -48,6 +49,7 @@ class Expert(ABC):
     """
 
     phase_names: tuple[str, ...]
+    lead_m: ClassVar[float] = LEAD_M
 
     def __init__(self, *, noise: float = 0.0, seed: int = 0) -> None:
         if not 0.0 <= noise <= 1.0:
@@ -98,7 +100,7 @@ class Expert(ABC):
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         target, rot6d, gripper = self.command()
-        action = np.concatenate([led(self.view.tool_pos, target), rot6d, gripper[:, None]], axis=1)
+        action = np.concatenate([led(self.view.tool_pos, target, self.lead_m), rot6d, gripper[:, None]], axis=1)
         self.expert_action = bounds.clip(action[:, : bounds.size])  # a robot without a gripper takes no opening
         if self.noise == 0.0:
             return self.expert_action
@@ -136,10 +138,10 @@ class Expert(ABC):
         return self._env
 
 
-def led(tool: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Return the points on the way from ``tool`` to ``target`` (n, 3) that are ``LEAD_M`` ahead, or the targets."""
+def led(tool: np.ndarray, target: np.ndarray, lead: float = LEAD_M) -> np.ndarray:
+    """Return the points on the way from ``tool`` to ``target`` (n, 3) that are ``lead`` m ahead, or the targets."""
     ahead = target - tool
-    return tool + ahead * np.minimum(1.0, LEAD_M / np.maximum(length(ahead), 1e-9))[:, None]
+    return tool + ahead * np.minimum(1.0, lead / np.maximum(length(ahead), 1e-9))[:, None]
 
 
 def pointing_down(yaw: np.ndarray) -> np.ndarray:

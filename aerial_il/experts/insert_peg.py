@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from aerial_il.core.arrays import planar_length
@@ -47,21 +49,22 @@ class InsertPegExpert(Expert):
     """Servo the peg's lower end, not the tool: however it sits in the gripper, it is held upright over the hole."""
 
     phase_names = ("hover", "descend", "close", "lift", "carry", "insert", "release", "retreat")
+    carry_height_m: ClassVar[float] = CARRY_HEIGHT_M
 
     def first_phase(self) -> np.ndarray:
         held = self._held()
-        inside = depth(self.view)
+        inside = self._depth()
         phase = np.where(held & (inside > 0.0), INSERT, np.where(held, LIFT, HOVER))
         return np.where(inside >= INSERTED_M, RELEASE, phase)
 
     def next_phase(self) -> np.ndarray:
         view = self.view
-        tool, end, hole, grasp = view.tool_pos, lower_end(view), view.site_pos("hole"), self._grasp()[0]
+        tool, end, hole, grasp = view.tool_pos, self._lower_end(), self._hole(), self._grasp()[0]
         beside, beside_hole = planar_length(grasp - tool), planar_length(end - hole)
         over = (beside <= ALIGNED_M) & self._facing_peg()
-        held, inside = self._held(), depth(view)
+        held, inside = self._held(), self._depth()
         lost = self._lost()
-        upright, straight = (peg_axis(view)[:, 2] >= limit for limit in (ENTRY_COS, LEAVE_COS))
+        upright, straight = (self._axis()[:, 2] >= limit for limit in (ENTRY_COS, LEAVE_COS))
         ready = (beside_hole <= ENTRY_M) & upright & (planar_length(view.base_vel) <= ENTRY_SPEED_M_S)
         low = end[:, 2] <= hole[:, 2] + CHAMFER_M + ABOVE_HOLE_M + 0.02
         out = end[:, 2] > hole[:, 2] - PEG_RADIUS_M
@@ -73,7 +76,7 @@ class InsertPegExpert(Expert):
             (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
             (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
             (LIFT, lost, HOVER),
-            (LIFT, end[:, 2] >= TABLE_HEIGHT_M + CARRY_HEIGHT_M - 0.02, CARRY),
+            (LIFT, end[:, 2] >= TABLE_HEIGHT_M + self.carry_height_m - 0.02, CARRY),
             (CARRY, lost, HOVER),
             (CARRY, ready & low, INSERT),
             (INSERT, inside >= INSERTED_M + DEPTH_MARGIN_M, RELEASE),
@@ -99,17 +102,37 @@ class InsertPegExpert(Expert):
             position = np.where(here[:, None], there, position)
             rot6d = np.where(here[:, None], turned, rot6d)
         narrow = min(1.0, NARROW_M / (2.0 * view.robot.gripper.stroke))
-        opening = np.where((phase == DESCEND) & (peg_axis(view)[:, 2] < LYING_COS), narrow, 1.0)
+        opening = np.where((phase == DESCEND) & (self._axis()[:, 2] < LYING_COS), narrow, 1.0)
         return position, rot6d, np.where((phase >= CLOSE) & ~leaving, 0.0, opening)
 
     def noise_share(self) -> np.ndarray:
-        view = self.view
-        beside_hole = planar_length(lower_end(view) - view.site_pos("hole"))
+        beside_hole = planar_length(self._lower_end() - self._hole())
         picking, inserting = (self.phase == DESCEND) | (self.phase == CLOSE), self.phase == INSERT
         fine = picking | inserting | ((self.phase == CARRY) & (beside_hole <= FINE_WORK_M))
         return np.where(fine, NOISE_IN_FINE_WORK, NOISE_ON_THE_WAY)
 
+    def _peg(self) -> np.ndarray:
+        """(n, 3) middle of the peg, world, m."""
+        return self.view.site_pos("peg")
+
+    def _axis(self) -> np.ndarray:
+        """(n, 3) unit vector from its lower end to its upper one."""
+        return peg_axis(self.view)
+
+    def _hole(self) -> np.ndarray:
+        """(n, 3) mouth of the hole in which it goes, world, m."""
+        return self.view.site_pos("hole")
+
+    def _lower_end(self) -> np.ndarray:
+        """(n, 3) its lower end, world, m."""
+        return lower_end(self.view)
+
+    def _depth(self) -> np.ndarray:
+        """(n,) how deep it is in, m."""
+        return depth(self.view)
+
     def _held(self) -> np.ndarray:
+        """(n,) bool: it is between the pads."""
         return self.view.touching("grip_left") & self.view.touching("grip_right")
 
     def _lost(self) -> np.ndarray:
@@ -124,24 +147,24 @@ class InsertPegExpert(Expert):
         An upright peg is taken near its upper end. One that lies is taken near the end that points forward, which
         comes to be the upper end when the tool is raised.
         """
-        view, axis = self.view, peg_axis(self.view)
+        view, axis = self.view, self._axis()
         forward = np.where(axis[:, :1] < 0.0, -axis, axis)
         leaning = planar_length(axis) > LEANING
         heading = np.where(leaning, np.arctan2(forward[:, 1], forward[:, 0]), 0.0)
         lying = axis[:, 2] < LYING_COS
         along = np.where(lying[:, None], forward, axis)
-        place = view.site_pos("peg") + (0.5 * PEG_LENGTH_M - GRIP_M) * along
+        place = self._peg() + (0.5 * PEG_LENGTH_M - GRIP_M) * along
         place[:, 2] += np.where(lying, max(0.0, view.robot.gripper.tip_distance - PEG_RADIUS_M), 0.0)
         return place, heading
 
     def _lift(self) -> tuple[np.ndarray, np.ndarray]:
         """Tool position (n, 3) and rot6d (n, 6) that take the peg straight up."""
-        raised = lower_end(self.view)[:, 2] - TABLE_HEIGHT_M
-        return self._straight_up(np.minimum(CARRY_HEIGHT_M - raised, LIFT_LEAD_M + np.maximum(raised, 0.0)))
+        raised = self._lower_end()[:, 2] - TABLE_HEIGHT_M
+        return self._straight_up(np.minimum(self.carry_height_m - raised, LIFT_LEAD_M + np.maximum(raised, 0.0)))
 
     def _leave(self) -> tuple[np.ndarray, np.ndarray]:
         """Tool position (n, 3) and rot6d (n, 6) while it opens and then backs off upwards."""
-        over = self.view.site_pos("hole")[:, 2] + 0.5 * PEG_LENGTH_M + RETREAT_M - self.view.tool_pos[:, 2]
+        over = self._hole()[:, 2] + 0.5 * PEG_LENGTH_M + RETREAT_M - self.view.tool_pos[:, 2]
         return self._straight_up(np.where(self.phase == RETREAT, over, 0.0))
 
     def _straight_up(self, height: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -156,26 +179,25 @@ class InsertPegExpert(Expert):
     def _carry(self) -> tuple[np.ndarray, np.ndarray]:
         """Tool position (n, 3) and rot6d (n, 6) that hold the peg upright with its lower end where it is to be."""
         view = self.view
-        axis = _into(view.tool_mat, peg_axis(view))
+        axis = _into(view.tool_mat, self._axis())
         upwards = np.where((axis[:, 2] < axis[:, 0])[:, None], -axis, axis)  # the end that the raised tool has on top
-        middle = _into(view.tool_mat, view.site_pos("peg") - view.tool_pos)
+        middle = _into(view.tool_mat, self._peg() - view.tool_pos)
         rot6d = _yaw_and_pitch(np.zeros(view.n), np.arctan2(-upwards[:, 0], upwards[:, 2]))
         end = middle - 0.5 * PEG_LENGTH_M * upwards
         position = self._end_target() - _out_of(rot6d, end)
-        guided = (self.phase == INSERT) & (depth(view) > 0.0)  # by the bore: give way sideways instead of wedging
+        guided = (self.phase == INSERT) & (self._depth() > 0.0)  # by the bore: give way sideways instead of wedging
         position[:, :2] = np.where(guided[:, None], view.tool_pos[:, :2], position[:, :2])
         return position, rot6d
 
     def _end_target(self) -> np.ndarray:
         """(n, 3) where the peg's lower end is to go, world, m."""
-        view = self.view
-        hole, end = view.site_pos("hole"), lower_end(view)
+        hole, end = self._hole(), self._lower_end()
         bottom = hole[:, 2] - PEG_RADIUS_M - INSERTED_M - 2.0 * DEPTH_MARGIN_M
         beside = planar_length(end - hole)
         aligned = np.clip((LEAVE_M - beside) / (LEAVE_M - ENTRY_M), 0.0, 1.0)
         down = np.maximum(bottom, end[:, 2] - PUSH_LEAD_M * aligned)
         far = beside > 0.03
-        above = np.where(far, TABLE_HEIGHT_M + CARRY_HEIGHT_M, hole[:, 2] + CHAMFER_M + ABOVE_HOLE_M)
+        above = np.where(far, TABLE_HEIGHT_M + self.carry_height_m, hole[:, 2] + CHAMFER_M + ABOVE_HOLE_M)
         height = np.where(self.phase == INSERT, down, above)
         return np.concatenate([hole[:, :2], height[:, None]], axis=1)
 

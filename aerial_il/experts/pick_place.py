@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from aerial_il.core.arrays import length, planar_length
@@ -36,8 +38,14 @@ cube_yaw = measured.number(pick_place.cube_yaw)
 
 
 class PickPlaceExpert(Expert):
-    """Object-centred way-points, a regrasp whenever the cube is not where it should be."""
+    """Object-centred way-points, a regrasp whenever the cube is not where it should be.
 
+    Attributes:
+        cube: name of its site. grips: names of what feels it between the pads.
+    """
+
+    cube: ClassVar[str] = "cube"
+    grips: ClassVar[tuple[str, str]] = ("grip_left", "grip_right")
     phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
 
     def first_phase(self) -> np.ndarray:
@@ -45,7 +53,7 @@ class PickPlaceExpert(Expert):
 
     def next_phase(self) -> np.ndarray:
         view = self.view
-        cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
+        cube, bowl, tool = view.site_pos(self.cube), view.site_pos("bowl"), view.tool_pos
         beside_cube, beside_bowl = planar_length(cube - tool), planar_length(bowl - cube)
         over_cube = (beside_cube <= self._room()) & self._facing_cube()
         at_cube = over_cube & (tool[:, 2] - cube[:, 2] <= AT_HEIGHT_M)
@@ -78,7 +86,7 @@ class PickPlaceExpert(Expert):
 
     def command(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         view, phase = self.view, self.phase
-        cube, bowl, tool = view.site_pos("cube"), view.site_pos("bowl"), view.tool_pos
+        cube, bowl, tool = view.site_pos(self.cube), view.site_pos("bowl"), view.tool_pos
         to_cube = (phase == HOVER) | (phase == DESCEND) | (phase == CLOSE)
         down = tool[:, 2] - DESCENT_LEAD_M
         drop = bowl[:, 2] + DROP_TARGET_M + tool[:, 2] - cube[:, 2]
@@ -110,18 +118,18 @@ class PickPlaceExpert(Expert):
 
     def _lift_height(self) -> np.ndarray:
         """(n,) height, m, at which the tool is sent up with the cube: the farther, the higher it is already."""
-        raised = np.maximum(self.view.site_pos("cube")[:, 2] - TABLE_HEIGHT_M - CUBE_HALF_M, 0.0)
+        raised = np.maximum(self.view.site_pos(self.cube)[:, 2] - TABLE_HEIGHT_M - CUBE_HALF_M, 0.0)
         top = TABLE_HEIGHT_M + CUBE_HALF_M + CRUISE_M
         return np.minimum(top, self.view.tool_pos[:, 2] + LIFT_LEAD_M + raised)
 
     def _held(self) -> np.ndarray:
-        view = self.view
-        return view.touching("grip_left") & view.touching("grip_right")
+        left, right = (self.view.touching(name) for name in self.grips)
+        return left & right
 
     def _cube_yaw(self) -> np.ndarray:
         """(n,) heading at which the fingers meet two faces of the cube, in ±45° unless the bowl is in their way."""
         yaw = cube_yaw(self.view)
-        to_bowl = self.view.site_pos("bowl") - self.view.site_pos("cube")
+        to_bowl = self.view.site_pos("bowl") - self.view.site_pos(self.cube)
         along_fingers = -np.sin(yaw) * to_bowl[:, 0] + np.cos(yaw) * to_bowl[:, 1]
         across = np.cos(yaw) * to_bowl[:, 0] + np.sin(yaw) * to_bowl[:, 1]
         blocked = self._beside_bowl() & (np.abs(along_fingers) > np.abs(across))
@@ -133,12 +141,12 @@ class PickPlaceExpert(Expert):
 
     def _over_faces(self) -> np.ndarray:
         """(n,) bool: the fingers are down beside the cube, or may go down there without touching its top."""
-        above = self.view.tool_pos - self.view.site_pos("cube")
+        above = self.view.tool_pos - self.view.site_pos(self.cube)
         return (planar_length(above) <= self._room()) | (above[:, 2] < 0.5 * FINGER_CLEAR_M)
 
     def _beside_bowl(self) -> np.ndarray:
         """(n,) bool: the cube stands so near to the bowl that a finger may have no room between them."""
-        return planar_length(self.view.site_pos("bowl") - self.view.site_pos("cube")) < BESIDE_BOWL_M
+        return planar_length(self.view.site_pos("bowl") - self.view.site_pos(self.cube)) < BESIDE_BOWL_M
 
     def _facing_cube(self) -> np.ndarray:
         """(n,) bool: the fingers are within 8° of two of the cube's faces."""

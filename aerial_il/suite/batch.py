@@ -187,7 +187,7 @@ class BatchEnvironment:
     def shoot(self, world: int, request: CameraRequest) -> np.ndarray:
         """Render one request of one world."""
         renderer = self._renderers.setdefault(request.size, FrameRenderer(self.model, *request.size))
-        return renderer.shoot(self.data(world), request)
+        return renderer.shoot(self.data(world), request, self.simulation.camera_offset(world, request.camera))
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""

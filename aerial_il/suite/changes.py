@@ -20,7 +20,8 @@ def tier_note(spec: EnvSpec) -> str:
     if spec.is_outside:
         return ""
     try:
-        today = Scenario(spec.robot, spec.task, spec.tier).disturbances
+        one_task = spec.task.partition("+")[0]  # of a policy for several
+        today = Scenario(spec.robot, one_task, spec.tier).disturbances
     except AerialError as error:
         return f"Its tier {spec.tier} cannot be made today ({error})."
     differing = disturbance_changes(spec.disturbances, today)

@@ -62,7 +62,7 @@ class SuiteTask(control.Task):
     def shoot(self, physics: Physics, request: CameraRequest) -> np.ndarray:
         """Render one image of the world."""
         renderer = self._renderers.setdefault(request.size, FrameRenderer(physics.model.ptr, *request.size))
-        return renderer.shoot(physics.data.ptr, request)
+        return renderer.shoot(physics.data.ptr, request, self.simulation.camera_offset(0, request.camera))
 
     def close(self) -> None:
         """Free graphics contexts."""

@@ -11,6 +11,7 @@ STEADY_SHARE = 0.2  # of its weight a vehicle pulls sideways with, in wind too
 STEADY_SHARE_OF_YAW = 0.5  # of the room that its rotors have in hover it turns things with
 WANDER_M = 0.03  # of a base while its tool touches something
 GENTLE_SHARE = 0.7  # of a largest force that its wander may use up
+CARRIED_SHARE = 0.15  # of its weight it carries: its observer makes up for a fifth, and the load may weigh 30 % more
 LEANING_SHARE = 0.3  # of its weight it leans on something with, and still flies
 
 
@@ -19,6 +20,14 @@ def infeasible_pulling(robot: Robot, force: float) -> str | None:
     strength = STEADY_SHARE * robot.vehicle.mass * GRAVITY
     if strength < force:
         return f"it can pull with at most a fifth of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
+    return None
+
+
+def infeasible_lifting(robot: Robot, force: float) -> str | None:
+    """Say why ``robot`` cannot carry what weighs ``force`` N, or None if it can."""
+    strength = CARRIED_SHARE * robot.vehicle.mass * GRAVITY
+    if strength < force:
+        return f"it can carry at most 15 % of its weight, {strength:.1f} N, and the task needs {force:.1f} N"
     return None
 
 

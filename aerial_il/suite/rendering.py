@@ -117,8 +117,8 @@ class FrameRenderer:
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         return renderer
 
-    def shoot(self, data: mujoco.MjData, request: CameraRequest) -> np.ndarray:
-        """Return one image of ``data`` as the request describes it."""
+    def shoot(self, data: mujoco.MjData, request: CameraRequest, offset: np.ndarray | None = None) -> np.ndarray:
+        """Return one image of ``data``, as requested, from a camera that is moved by ``offset`` (3,), m, its frame."""
         renderer = self._renderer
         renderer.disable_depth_rendering()
         renderer.disable_segmentation_rendering()
@@ -126,7 +126,11 @@ class FrameRenderer:
             renderer.enable_depth_rendering()
         elif request.modality == "segmentation":
             renderer.enable_segmentation_rendering()
+        camera, place = data.cam(request.camera), data.cam(request.camera).xpos.copy()
+        if offset is not None:
+            camera.xpos[:] += camera.xmat.reshape(3, 3) @ offset
         renderer.update_scene(data, camera=request.camera)
+        camera.xpos[:] = place
         renderer.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = False
         image = renderer.render()
         if request.modality == "segmentation":

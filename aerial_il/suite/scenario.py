@@ -18,6 +18,7 @@ from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
+from aerial_il.suite.physics.episode_state import sight_size
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.physics.rotors import rotor_wrenches
 from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
@@ -117,7 +118,7 @@ class Scenario:
     @cached_property
     def xml(self) -> str:
         """The scene as stand-alone MJCF."""
-        return build_xml(self.robot, self.task, self.tier.userdata_size)
+        return build_xml(self.robot, self.task, self.tier.userdata_size + sight_size(*self.task.sight))
 
     def compile(self) -> mujoco.MjModel:
         """Compile the scene from its XML, so that a stored XML gives the same model bit for bit."""

@@ -37,7 +37,7 @@ def build_xml(robot: Robot, task: Task, memory: int = USERDATA_SIZE) -> str:
     set_physics(spec)
     _set_visuals(spec)
     _add_arena(spec)
-    _add_scene_camera(spec, robot, task.scene_height_m)
+    _add_scene_camera(spec, robot, task)
     robot.add_to(spec)
     _unplug_rotors(spec, robot)
     task.add_props(spec, robot)
@@ -89,11 +89,11 @@ def _add_arena(spec: mujoco.MjSpec) -> None:
     sun.type, sun.diffuse, sun.specular = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, [0.45] * 3, [0.1] * 3
 
 
-def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot, height: float) -> None:
-    """The fixed camera ``scene``, which looks at a ``height`` (m); stepped back and raised for a wide robot."""
+def _add_scene_camera(spec: mujoco.MjSpec, robot: Robot, task: Task) -> None:
+    """The fixed camera ``scene``, which looks where the task says; stepped back and raised for a wide robot."""
     excess = max(0.0, robot.base.span - SCENE_SPAN_M)
-    away = SCENE_AWAY * (1.0 + SCENE_RETREAT * excess)
-    centre = np.array([0.0, 0.0, height + 0.15 * excess])
+    away = task.scene_distance * SCENE_AWAY * (1.0 + SCENE_RETREAT * excess)
+    centre = np.array([0.0, 0.0, task.scene_height_m + 0.15 * excess])
     spec.worldbody.add_camera(name="scene", pos=centre + away, quat=look_along(-away), fovy=42)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
@@ -27,13 +27,16 @@ class Evaluate:
         policy: a run, a policy, an expert's file (.npz), module:factory, a model.zip of SB3, or: expert, random, hover.
         robot: robot that flies (null: the one that the policy was trained on).
         task: task that it does (null: the task that the policy was trained on).
-        tier: disturbance tier, e.g. gusts, hard-payload, calm+latency.
+        tier: disturbance tier, e.g. gusts, hard-payload, calm+latency, calm+wind:2.
+        instruction: what the policy is told, where it was trained with dataset.language=true (null: the task's own).
+        conditions: disturbances with a strength, on top of the tier, or tiers: each is flown over the same seeds.
         env: external environment, e.g. gymnasium:CartPole-v1 (null: the policy's own).
         success: what makes an episode there a success: KEY:N, return:R, survived (null: as it reports).
         max_steps: time limit there (null: its own).
         controller: control law of the base.
         latency: how late the robot sees and acts.
         execution: how a policy flies its chunks, with latency or on another robot.
+        again: an earlier evaluation that is repeated, flight by flight; it says all but out= and how fast it goes.
         out: folder for evaluation.json, videos/ and report.html.
         action: action level (null: the policy's own, ee_pose for experts).
         episodes: number of episodes, one for each seed.
@@ -48,16 +51,19 @@ class Evaluate:
 
     PRESETS: ClassVar[dict[str, str]] = {"evaluation": "a set of values"}
 
-    policy: str
+    policy: str = ""
     robot: MaybeRobot = None
     task: MaybeTask = None
     tier: Tier = "calm"
+    instruction: str | None = None
+    conditions: tuple[str, ...] = ()
     env: str | None = None
     success: str | None = None
     max_steps: int | None = None
     controller: Controller = "geometric_observer"
     latency: Latency = NO_LATENCY
     execution: Execution = AS_TRAINED
+    again: str | None = None
     out: str
     action: str | None = None
     episodes: int = 200
@@ -71,6 +77,8 @@ class Evaluate:
 
     def __post_init__(self) -> None:
         at_least(self, episodes=1, seed=0, num_envs=1, threads=0, videos=0)
+        if not self.policy and not self.again:
+            raise InvalidValueError("evaluate needs policy=... (or again=..., an evaluation to repeat).")
 
 
 @dataclass(frozen=True)
@@ -126,6 +134,7 @@ def evaluate(settings: Evaluate) -> Evaluated:
         options=environments.given(success=settings.success, max_steps=settings.max_steps),
     )
     pilot = _executing(pilot, settings)
+    _tell(pilot, settings)
     seeds = range(settings.seed, settings.seed + settings.episodes)
     worlds = min(settings.num_envs, len(seeds))
     env = pilot.environment(settings.tier, num_envs=worlds, threads=settings.threads, controller=settings.controller)
@@ -145,6 +154,23 @@ def _executing(pilot: Pilot, settings: Evaluate) -> Pilot:
     return replace(pilot, policy=pilot.policy.executing(settings.execution, settings.latency))
 
 
+def _tell(pilot: Pilot, settings: Evaluate) -> None:
+    """Tell a policy in words what to do."""
+    from aerial_il.core import language
+    from aerial_il.policies.parts.flying import FlyingPolicy
+
+    if settings.instruction is None:
+        return
+    if not (isinstance(pilot.policy, FlyingPolicy) and pilot.policy.goes_by_words):
+        raise InvalidValueError(
+            f"instruction={settings.instruction!r} is for policies that are told in words; policy={settings.policy} is "
+            "not: train one with dataset.language=true."
+        )
+    if not language.tokens(settings.instruction):
+        raise InvalidValueError(f"instruction={settings.instruction!r} has no words.")
+    pilot.policy.told = settings.instruction
+
+
 def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tuple[EvaluationResult, Written | None]:
     """Return the result and the files that were written."""
     from aerial_il.evaluation import rollouts
@@ -159,7 +185,7 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
     journal.start({**subject, CALLED: name})
-    command = {"command": _command(settings, pilot)}
+    command = {"command": _command(settings, pilot), **_trained(settings.policy)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
     )
@@ -168,11 +194,20 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     return result, written
 
 
+def _trained(policy: str) -> dict[str, Any]:
+    """Return how a policy came about, where its folder is that of a run."""
+    from aerial_il.evaluation.leaderboard import TRAINED, trained
+    from aerial_il.evaluation.training_run import is_run, read_run
+
+    return {TRAINED: trained(read_run(policy))} if is_run(policy) else {}
+
+
 def _command(settings: Evaluate, pilot: Pilot) -> str:
-    from aerial_il.workflows.spelling import command_line
+    from aerial_il.workflows.spelling import command_line, literal
 
     ours = () if pilot.reference.env else (f"tier={settings.tier}", f"controller={settings.controller}")
     said = (f"latency.{name}={value:g}" for name, value in settings.latency.said.items())
+    said = (*said, *([f"instruction={literal(settings.instruction)}"] if settings.instruction is not None else []))
     said = (*said, *(f"execution.{name}={value}" for name, value in settings.execution.said.items()))
     flown = (*ours, *said, f"episodes={settings.episodes}", f"seed={settings.seed}", f"out={settings.out}")
     return command_line(["evaluate", *pilot.overrides, *flown])

@@ -37,6 +37,7 @@ class Dataset(Reading):
         weights: the share of the training that each dataset has, that of path first, e.g. [0.7,0.3] (empty: as their
             sizes give it).
         held_mb: how much memory what is trained on may take, MB; beyond it, it lies in files that vanish with the run.
+        language: tell in words what is to be done, in the wordings of the tasks or as each episode says.
         latency_ms: shift what was seen against what was done until so much lies between; 0: none, as if none had been
             recorded (null: as it was recorded).
     """
@@ -47,6 +48,7 @@ class Dataset(Reading):
     others: tuple[str, ...] = ()
     weights: tuple[float, ...] = ()
     held_mb: int = HELD_MB
+    language: bool = False
     latency_ms: float | None = None
 
     def __post_init__(self) -> None:
@@ -217,7 +219,7 @@ def _demonstrations(
         demonstrations.warn_of_changes(each, dataset)
     return demonstrations.open_demonstrations(
         path, limit=dataset.episodes, others=dataset.others, weights=dataset.weights, latency_ms=latency_ms,
-        images=images, failures=failures, states=states, reading=dataset,
+        language=dataset.language, images=images, failures=failures, states=states, reading=dataset,
     )  # fmt: skip
 
 
@@ -229,7 +231,7 @@ def _command_kept(settings: Train) -> Iterator[None]:
     dataset = settings.dataset
 
     def keep() -> None:
-        said = ("path", "episodes", "others", "weights", "latency_ms")
+        said = ("path", "episodes", "others", "weights", "latency_ms", "language")
         learned_from = {**{name: getattr(dataset, name) for name in said}, "reading": dataset.answers}
         own = {key: each for key, each in plain(settings).items() if key not in (*OF_ONE_CALL, *IN_CONFIG)}
         content = {"command": command(settings), "dataset": learned_from, "settings": own}

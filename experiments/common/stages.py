@@ -158,7 +158,7 @@ class Stages:
 
     def run_of(self, training: Training) -> Path:
         """Return the folder of a training."""
-        return self._place("training", training.label, training.decided_by())
+        return self.place("training", training.label, training.decided_by())
 
     def policy(self, training: Training) -> Policy:
         """Return the final policy of a training."""
@@ -172,7 +172,7 @@ class Stages:
             "seeds": [seeds.start, seeds.stop],
         }
         decided_by = {"training": training.decided_by(), **where}
-        place = self._place("evaluations", f"{training.label}/{tier}", decided_by)
+        place = self.place("evaluations", f"{training.label}/{tier}", decided_by)
         self._dataset(source)  # the time of both is the study's, too, where they have been there before
         self.run_of(training)
         return judged_once(
@@ -208,9 +208,9 @@ class Stages:
         return collecting + flying + sum(map(trained_s, self._used("training", METRICS)))
 
     def _dataset(self, source: Source) -> Path:
-        return self._place("datasets", source.label, source.decided_by())
+        return self.place("datasets", source.label, source.decided_by())
 
-    def _place(self, kind: str, label: str, decided_by: dict[str, Any]) -> Path:
+    def place(self, kind: str, label: str, decided_by: dict[str, Any]) -> Path:
         place = self.record.place(kind, label, decided_by)
         self.places.setdefault(kind, {})[place] = None
         return place

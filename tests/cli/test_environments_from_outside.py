@@ -41,6 +41,7 @@ OPENING = {  # every command that opens a folder or a file, and the ways in whic
     "info": [["demos"]],
     "inspect": [["demos", "save=seen.rrd"], ["run", "save=seen.rrd"], ["demos", "policy=policy", "save=seen.rrd"]],
     "judge": [["demos"]],
+    "leaderboard": [["run", "out=board.html"]],
     "merge": [["demos", "demos", "out=merged"]],
     "prefer": [["demos", "length=2", "pairs=1", "out=said.jsonl"]],
     "publish": [["demos", "out=hub", "license=mit"]],

@@ -25,6 +25,7 @@ AT_ONCE = {
     "export",
     "filter",
     "info",
+    "leaderboard",
     "list",
     "merge",
     "new",

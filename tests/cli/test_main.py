@@ -58,7 +58,7 @@ def test_help_imports_nothing_heavy() -> None:
         (["train", "dataset=x", "run=y", "seed=${nowhere}"], "seed=${nowhere}"),
         (["train", "run=y", "from=runs/a"], "from=runs/a does not exist. To see what runs there are: aerial-il runs"),
         (["train", "run=y", "policy=runs/a"], "with the settings of that run: from=runs/a run=NEW; to go on from its"),
-        (["evaluate"], "evaluate needs out=... policy=..."),
+        (["evaluate"], "evaluate needs out=..."),
         (["collect", "out=x", f"seed={2**63}"], "is too large: the maximum is"),
         (["collect", "out=x", "episodes=1000000000"], "episodes=1000000000 is too large"),
         (["collect", "out=x", "num_envs=1000000000"], "num_envs=1000000000 is too large"),

@@ -122,6 +122,11 @@ class Placed:
         """(n, 3, 3)."""
         return np.array([data.body(body).xmat.reshape(3, 3).copy() for data in self._datas])
 
+    def vel(self, joint: str) -> np.ndarray:
+        """(n, 3) linear velocity of a free joint."""
+        first = self._model.joint(joint).dofadr[0]
+        return self.qvel[:, first : first + 3]
+
     def joint(self, name: str) -> np.ndarray:
         """(n,) position of a hinge or slide joint."""
         return np.array([data.joint(name).qpos[0] for data in self._datas])

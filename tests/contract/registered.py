@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -19,6 +19,7 @@ from aerial_il.suite.environment import AerialEnvironment
 
 CELLS = aerial_il.list_cells()
 TIERS = tiers.names()
+MAIN = ("fa_hexa_arm4", "ua_quad_arm4")
 KEPT = 12  # environments at a time, some 5 MB each: what is asked of one cell is asked in a row (see conftest.py)
 
 
@@ -27,7 +28,7 @@ def covering(cells: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
     tasks, chosen = sorted({task for _, task in cells}), []
     for i, task in enumerate(tasks):
         able = [robot for robot, other in cells if other == task]
-        main = [robot for robot in ("fa_hexa_arm4", "ua_quad_arm4") if robot in able]
+        main = [robot for robot in MAIN if robot in able]
         chosen.append(((main or able)[i % len(main or able)], task))
     missing = {robot for robot, _ in cells} - {robot for robot, _ in chosen}
     chosen += [next(cell for cell in cells if cell[0] == robot) for robot in sorted(missing)]
@@ -35,10 +36,16 @@ def covering(cells: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
 
 
 SAMPLE = covering(CELLS)
-each_cell = pytest.mark.parametrize(("robot", "task"), CELLS)
-each_sample = pytest.mark.parametrize(  # every cell as well, but those beyond the sample only if time allows
-    ("robot", "task"), [pytest.param(*cell, marks=() if cell in SAMPLE else pytest.mark.slow) for cell in CELLS]
-)
+OFTEN = (*SAMPLE, *(cell for cell in CELLS if cell[0] in MAIN))
+
+
+def each_of(cells: Sequence[tuple[str, str]], always: Sequence[tuple[str, str]] = OFTEN) -> pytest.MarkDecorator:
+    """Each of some cells; those that are not ``always`` tried are marked slow."""
+    marked = [pytest.param(*cell, marks=() if cell in always else pytest.mark.slow) for cell in cells]
+    return pytest.mark.parametrize(("robot", "task"), marked)
+
+
+each_cell, each_sample = each_of(CELLS), each_of(CELLS, SAMPLE)
 
 
 def levels(robot: str) -> tuple[str, ...]:
@@ -47,7 +54,9 @@ def levels(robot: str) -> tuple[str, ...]:
 
 
 def each_cell_with(name: str, values_of: Callable[[str], tuple[str, ...]]) -> pytest.MarkDecorator:
-    """Every cell with every value of ``name``: the first, and in the sample one of the others; the rest is marked slow.
+    """Every cell with every value of ``name``: of the main robots the first, and in the sample one of the others.
+
+    The rest is marked slow.
 
     Args:
         name: of the argument. values_of: its values for a robot.
@@ -56,7 +65,7 @@ def each_cell_with(name: str, values_of: Callable[[str], tuple[str, ...]]) -> py
     for i, cell in enumerate(CELLS):
         values = values_of(cell[0])
         for k, value in enumerate(values):
-            in_turn = k == 0 or (cell in SAMPLE and k == 1 + i % (len(values) - 1))
+            in_turn = (k == 0 and cell in OFTEN) or (cell in SAMPLE and k == 1 + i % (len(values) - 1))
             cases.append(pytest.param(*cell, value, marks=() if in_turn else pytest.mark.slow))
     return pytest.mark.parametrize(("robot", "task", name), cases)
 

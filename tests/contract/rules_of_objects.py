@@ -25,27 +25,60 @@ from tests.contract.placed import (
 )
 
 # pick_place: "Pick up the orange cube and place it in the blue bowl."
+# pick_moving: "Pick up the orange cube from the moving table and place it in the blue bowl."
 
 
-def cube_in_bowl(placed: Placed) -> np.ndarray:
+def cube_in_bowl(placed: Placed, cube: str = "cube") -> np.ndarray:
     """Within the bowl's walls, on its floor, at rest, and let go: the gripper has backed off."""
-    away, speed = placed.pos("cube") - placed.pos("bowl"), placed.qvel[:, -6:-3]
-    inside = (level(away) <= 0.05) & (away[:, 2] >= 0.02) & (away[:, 2] <= 0.05)
-    backed_off = np.linalg.norm(placed.pos("cube") - placed.tool, axis=1) >= 0.10
-    still = np.linalg.norm(speed, axis=1) <= 0.05
-    return inside & still & backed_off & ~placed.robot_on("cube") & placed.untouched
+    still = np.linalg.norm(placed.vel(cube), axis=1) <= 0.05
+    backed_off = np.linalg.norm(placed.pos(cube) - placed.tool, axis=1) >= 0.10
+    return within_bowl(placed, cube) & still & backed_off & ~placed.robot_on(cube) & placed.untouched
 
 
-def cube_at(off: Callable[[np.random.Generator, int], np.ndarray], **moving: float) -> Scatter:
-    """Put the cube into the bowl, ``off`` (k, 3) its origin, in any attitude."""
+def within_bowl(placed: Placed, cube: str) -> np.ndarray:
+    away = placed.pos(cube) - placed.pos("bowl")
+    return (level(away) <= 0.05) & (away[:, 2] >= 0.02) & (away[:, 2] <= 0.05)
+
+
+def one_cube_in_bowl(cube: str, other: str) -> Callable[[Placed], np.ndarray]:
+    """The cube that is meant, and not the other one."""
+
+    def counts(placed: Placed) -> np.ndarray:
+        away = placed.pos(other) - placed.pos("bowl")
+        other_there = (level(away) <= 0.05) & (away[:, 2] >= 0.0) & (away[:, 2] <= 0.10)
+        return cube_in_bowl(placed, cube) & ~other_there
+
+    return counts
+
+
+def cube_at(off: Callable[[np.random.Generator, int], np.ndarray], cube: str = "cube", **moving: float) -> Scatter:
+    """Put a cube into the bowl, ``off`` (k, 3) its origin, in any attitude."""
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         bowl, _ = stage.where(rows, "bowl")
         speed = ball(rng, rows.size, moving.get("slow", 0.0), moving.get("fast", 0.0))
         stage.qpos[rows, 2] += 0.3  # the robot is out of the way
-        stage.free(rows, "cube", bowl + off(rng, rows.size), attitudes(rng, rows.size), speed)
+        stage.free(rows, cube, bowl + off(rng, rows.size), attitudes(rng, rows.size), speed)
 
     return place
+
+
+def one_of_two(cube: str, other: str) -> dict[str, tuple[str, Scatter]]:
+    """Placements of two cubes of which one is meant."""
+
+    def both(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
+        for name in (cube, other):
+            cube_at(in_the_bowl, name)(stage, rows, rng)
+
+    return {
+        "the right one in the bowl": (ALL, cube_at(in_the_bowl, cube)),
+        "the wrong one in the bowl": (NONE, cube_at(in_the_bowl, other)),
+        "both in the bowl": (NONE, both),
+        "anywhere": (ANY, anywhere(cube)),
+        "at the edges of what counts": (SOME, cube_at(edges_of_the_bowl, cube)),
+        "moving": (NONE, cube_at(in_the_bowl, cube, slow=0.0501, fast=2.0)),
+        "in the gripper": (NONE, with_robot(cube_at(in_the_bowl, cube), "tool", cube, 0.0, 0.09)),
+    }
 
 
 def in_the_bowl(rng: np.random.Generator, k: int) -> np.ndarray:
@@ -85,19 +118,25 @@ MOUTH_M, HALF_SPAN_M = 0.060, 0.050  # the bore's mouth over its underside; from
 
 
 def peg_in_socket(placed: Placed) -> np.ndarray:
+    return inserted(placed, "peg", "hole") & placed.untouched
+
+
+def inserted(placed: Placed, peg: str, hole: str) -> np.ndarray:
     """30 mm of the peg's full width are between mouth and bottom of the bore, and it came in by the mouth."""
-    middle = placed.pos("peg") - placed.pos("hole") - [0.0, 0.0, MOUTH_M]
-    half = HALF_SPAN_M * placed.mat("peg")[:, :, 2]
+    middle = placed.pos(peg) - placed.pos(hole) - [0.0, 0.0, MOUTH_M]
+    half = HALF_SPAN_M * placed.mat(peg)[:, :, 2]
     half = np.where(half[:, 2:] > 0.0, half, -half)
     low, high = middle - half, middle + half
     share = np.clip(-low[:, 2] / np.maximum(high[:, 2] - low[:, 2], 1e-9), 0.0, 1.0)[:, None]
     at_mouth = low + share * (high - low)
     deep = (low[:, 2] <= -0.030) & (low[:, 2] >= -0.048) & (high[:, 2] > 0.0)
-    return deep & (level(low) <= 0.004) & (level(at_mouth) <= 0.004) & placed.untouched
+    return deep & (level(low) <= 0.004) & (level(at_mouth) <= 0.004)
 
 
-def peg_at(socket: str, depth: tuple[float, float], off: tuple[float, float], tilt: tuple[float, float]) -> Scatter:
-    """Put the peg's lower nose ``depth`` m below a bore's mouth, ``off`` m beside its axis, leaning by ``tilt`` °."""
+def peg_at(
+    socket: str, depth: tuple[float, float], off: tuple[float, float], tilt: tuple[float, float], peg: str = "peg"
+) -> Scatter:
+    """Put a peg's lower nose ``depth`` m below a bore's mouth, ``off`` m beside its axis, leaning by ``tilt`` °."""
 
     def place(stage: Stage, rows: np.ndarray, rng: np.random.Generator) -> None:
         mouth, k = stage.where(rows, socket)[0] + [0.0, 0.0, MOUTH_M], rows.size
@@ -108,7 +147,7 @@ def peg_at(socket: str, depth: tuple[float, float], off: tuple[float, float], ti
         quat = np.stack([c, -s * np.sin(way), s * np.cos(way), 0.0 * way])
         over = rng.random(k) < 0.5  # either end first
         flipped = np.stack([-quat[1], quat[0], quat[3], -quat[2]])  # then half a turn about its own x
-        stage.free(rows, "peg", nose + HALF_SPAN_M * axis, np.where(over, flipped, quat).T)
+        stage.free(rows, peg, nose + HALF_SPAN_M * axis, np.where(over, flipped, quat).T)
 
     return place
 

@@ -12,11 +12,9 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.robots.parts.camera import Camera
 from aerial_il.suite.environment import AerialEnvironment
 from aerial_il.suite.scenario import Scenario
-from tests.contract.registered import CELLS, drawn, each_cell, single
+from tests.contract.registered import CELLS, drawn, each_cell, each_of, single
 
-each_cell_with_gripper = pytest.mark.parametrize(
-    ("robot", "task"), [cell for cell in CELLS if robots.get(cell[0]).has_gripper]
-)
+each_cell_with_gripper = each_of([cell for cell in CELLS if robots.get(cell[0]).has_gripper])
 SIZE = (240, 320)  # height and width, the default of a picture; a second size would cost as much as all pictures
 ELEMENTS = ("body", "geom", "jnt", "site", "cam", "light", "actuator", "sensor", "tendon", "eq", "mat", "tex")
 

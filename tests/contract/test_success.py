@@ -25,7 +25,16 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
 from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
+from tests.contract.rules_of_long_tasks import (
+    RESTOCKED,
+    SET_DOWN,
+    SORTED,
+    cube_set_down,
+    cubes_shut_in,
+    pegs_sorted,
+)
 from tests.contract.rules_of_objects import (
     BUTTON,
     CUBE,
@@ -35,6 +44,8 @@ from tests.contract.rules_of_objects import (
     door_open,
     joint_families,
     lever_at_pin,
+    one_cube_in_bowl,
+    one_of_two,
     peg_in_socket,
     slider_at_end,
     spoke_over_mark,
@@ -122,19 +133,27 @@ class Rule:
 
 
 RULES = {
+    "carry_slung_load": Rule(load_delivered, LOAD),
+    "cabinet_retrieve": Rule(cube_set_down, SET_DOWN),
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),
     "land": Rule(on_the_pad, LAND),
     "open_door": Rule(door_open, joint_families("door", np.deg2rad(60.0), 1.85, "door", 0.02)),
+    "pick_moving": Rule(cube_in_bowl, CUBE),
     "pick_place": Rule(cube_in_bowl, CUBE),
+    "place_green": Rule(one_cube_in_bowl("green_cube", "orange_cube"), one_of_two("green_cube", "orange_cube")),
+    "place_orange": Rule(one_cube_in_bowl("orange_cube", "green_cube"), one_of_two("orange_cube", "green_cube")),
     "press_button": Rule(button_pressed, BUTTON),
     "pull_lever": Rule(lever_at_pin, joint_families("lever", np.deg2rad(55.0), 1.5, "lever", 0.02)),
     "push_slider": Rule(slider_at_end, joint_families("slider", 0.225, 0.26, "slider", 0.002)),
     "reach": Rule(tool_at_mark, REACH),
+    "restock": Rule(cubes_shut_in, RESTOCKED),
     "rotate_valve": Rule(spoke_over_mark, joint_families("valve", 1.25 * np.pi, 1.25 * np.pi + 0.6, "valve", 0.02)),
+    "sort_pegs": Rule(pegs_sorted, SORTED),
     "screw_bulb": Rule(bulb_screwed_in, BULB),
     "take_off": Rule(base_at_mark, TAKE_OFF),
+    "toss_ball": Rule(ball_in_bin, TOSS),
     "track": Rule(lap_followed, LAP),
     "wipe_window": Rule(window_clean, WINDOW),
 }

@@ -20,13 +20,14 @@ CLOSED = (
     "simulate",
 )  # open nothing of somebody else
 PLAIN = {  # keys whose text is no place that is read: names, and places of the user's own
-    "action", "cameras", "certificate", "columns", "cuts", "format", "controls", "devices", "env", "evaluate_tier",
-    "filter_key", "flight_tier", "flights", "hardware", "host", "instruction", "key_file", "license", "operator",
-    "parts", "prune", "repo", "sort", "success", "tag", "time_scale", "tracker", "ui", "uid", "viewer", "where",
+    "action", "cameras", "certificate", "columns", "conditions", "controls", "cuts", "devices", "env",
+    "evaluate_tier", "filter_key", "flight_tier", "flights", "format", "hardware", "host", "instruction", "key_file",
+    "license", "operator", "parts", "prune", "repo", "sort", "success", "tag", "tiers", "time_scale", "tracker", "ui",
+    "uid", "viewer", "where",
 }  # fmt: skip
 WRITTEN = {  # new files
     ("browse", "out"), ("card", "out"), ("card", "readme"), ("convert", "out"), ("export", "out"), ("publish", "out"),
-    ("report", "out"),
+    ("report", "out"), ("leaderboard", "out"),
     ("reward", "out"), ("view", "out"), ("teleop", "out"),
     ("inspect", "save"), ("inspect", "screenshot"),
 }  # fmt: skip
@@ -76,6 +77,9 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("judge", "dataset"): [QUIET],
         ("merge", "datasets"): ["out=merged", "mix=true", QUIET],
         ("merge", "out"): [f"datasets=[{sound.dataset},{sound.dataset}]", QUIET],
+        ("evaluate", "again"): ["out=again", "videos=0", QUIET],
+        ("leaderboard", "result"): ["fewest=1", "out=board.html"],
+        ("leaderboard", "submission"): [f"result={sound.run}", "episodes=1", "out=board.html", QUIET],
         ("publish", "dataset"): ["out=hub", "license=mit", "films=0", QUIET],
         ("recover", "path"): [],
         ("relabel", "dataset"): ["where=steps >= 0", "tag=seen", QUIET],

@@ -25,6 +25,7 @@ FILES: dict[str, tuple[str, Words]] = {  # what is written -> its ending, and wh
     "convert to d4rl": (".hdf5", lambda s, out: ["convert", f"path={s.dataset}", "format=d4rl", f"out={out}", QUIET]),
     "convert to rerun": (".rrd", lambda s, out: ["convert", f"path={s.dataset}", f"out={out}", QUIET]),
     "convert for ROS": (".mcap", lambda s, out: ["convert", f"path={s.recording}", "format=mcap", f"out={out}", QUIET]),
+    "leaderboard": (".html", lambda s, out: ["leaderboard", f"result={s.run.parent / 'judged'}", f"out={out}"]),
     "report of a run": (".html", lambda s, out: ["report", f"result={s.run}", f"out={out}"]),
     "report of flights": (".html", lambda s, out: ["report", f"result={s.run.parent / 'judged'}", f"out={out}"]),
     "report of a dataset": (".html", lambda s, out: ["report", f"result={s.dataset}", f"out={out}"]),

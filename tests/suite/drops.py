@@ -36,12 +36,13 @@ def loose_objects() -> tuple[tuple[str, str], ...]:
     return tuple(result)
 
 
-def props_of(task: str) -> mujoco.MjSpec:
-    """The scene of a task without its robot."""
+def props_of(task: str, joint: str) -> mujoco.MjSpec:
+    """The scene of a task without its robot, and without other loose objects than that with ``joint``."""
     spec = mujoco.MjSpec.from_string(build_xml(robots.get(_robot(task)), tasks.get(task)))
     for element in (*spec.sensors, *spec.actuators, *spec.tendons, *spec.equalities):
         spec.delete(element)
-    spec.delete(spec.body(BASE))
+    for name in (BASE, *(name for where, name in loose_objects() if where == task and name != joint)):
+        spec.delete(spec.body(name))
     spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     return spec
 
@@ -97,42 +98,44 @@ def drop(model: mujoco.MjModel, joint: str, places: tuple[dict[str, np.ndarray],
     for name, pose in place.items():
         mocap = model.body(name).mocapid[0]
         data.mocap_pos[mocap], data.mocap_quat[mocap] = pose[:3], pose[3:]
+    first = model.joint(joint).qposadr[0]
+    pose = data.qpos[first : first + 7]
     below, gap = _let_go(model, data, joint, place, rng)
-    body, start = model.jnt_bodyid[model.joint(joint).id], data.qpos[:3].copy()
+    body, start = model.jnt_bodyid[model.joint(joint).id], pose[:3].copy()
     energy, fall = data.energy.sum(), model.body_mass[body] * GRAVITY * gap
-    most, highest, touched, over, before = -np.inf, -np.inf, False, True, data.qpos
+    most, highest, touched, over, before = -np.inf, -np.inf, False, True, pose
     steps, watched = (round(seconds / model.opt.timestep) for seconds in (SETTLING_S, WATCHED_S))
     for k in range(steps):
         mujoco.mj_step(model, data)
-        before = data.qpos.copy() if k == steps - watched else before
+        before = pose.copy() if k == steps - watched else before
         touched |= data.ncon > 0
         most = max(most, data.energy.sum() - energy)
-        highest = max(highest, data.qpos[2] - start[2]) if touched else highest
+        highest = max(highest, pose[2] - start[2]) if touched else highest
         over = over and _below(model, data, body, start[2]) == below
     mujoco.mj_forward(model, data)
-    beneath = over and data.qpos[2] < _top(model, data, body, start[2])
+    beneath = over and pose[2] < _top(model, data, body, start[2])
     deepest = max([0.0, *(-data.contact.dist[: data.ncon])])
-    moved = float(np.linalg.norm(data.qpos[:3] - before[:3]))
-    turned = 2.0 * np.arccos(min(1.0, abs(data.qpos[3:7] @ before[3:7])))
-    return Drop(gap, most / fall, highest, deepest, moved, turned, bool(beneath or data.qpos[2] < 0.0))
+    moved = float(np.linalg.norm(pose[:3] - before[:3]))
+    turned = 2.0 * np.arccos(min(1.0, abs(pose[3:] @ before[3:])))
+    return Drop(gap, most / fall, highest, deepest, moved, turned, bool(beneath or pose[2] < 0.0))
 
 
 def _let_go(
     model: mujoco.MjModel, data: mujoco.MjData, joint: str, place: dict[str, np.ndarray], rng: np.random.Generator
 ) -> tuple[int, float]:
     """Put the object at rest where nothing touches it; return the geom below it and the gap between them, m."""
-    body = model.jnt_bodyid[model.joint(joint).id]
-    geom = model.body_geomadr[body]
+    body, first = model.jnt_bodyid[model.joint(joint).id], model.joint(joint).qposadr[0]
+    geom, pose = model.body_geomadr[body], data.qpos[first : first + 7]
     aims = [np.zeros(2), *(pose[:2] for pose in place.values())]
     while True:
         aim = rng.integers(2) and rng.integers(1, len(aims)) if len(aims) > 1 else 0
         spread = ASIDE_M if aim else AROUND_M
-        data.qpos[:2] = aims[aim] + rng.uniform(-1.0, 1.0, 2) * spread
+        pose[:2] = aims[aim] + rng.uniform(-1.0, 1.0, 2) * spread
         attitude = rng.standard_normal(4)
-        data.qpos[2], data.qpos[3:7] = 10.0, attitude / np.linalg.norm(attitude)
+        pose[2], pose[3:] = 10.0, attitude / np.linalg.norm(attitude)
         mujoco.mj_kinematics(model, data)
         below, gap = _below(model, data, body, 10.0), rng.uniform(LOWEST_M, HIGHEST_M)
-        data.qpos[2] = _top(model, data, body, 10.0) + gap + _reach_down(model, data, geom)
+        pose[2] = _top(model, data, body, 10.0) + gap + _reach_down(model, data, geom)
         mujoco.mj_forward(model, data)
         if data.ncon == 0:
             return below, gap
@@ -148,7 +151,8 @@ def _reach_down(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
 
 def _ray(model: mujoco.MjModel, data: mujoco.MjData, body: int, height: float) -> tuple[int, float]:
     """First geom straight below ``height`` m over the body's middle, and how far down it is, m."""
-    result, start = np.zeros(1, np.int32), np.array([*data.qpos[:2], height])
+    first = model.jnt_qposadr[model.body_jntadr[body]]
+    result, start = np.zeros(1, np.int32), np.array([*data.qpos[first : first + 2], height])
     distance = mujoco.mj_ray(model, data, start, DOWN, None, True, body, result)
     return int(result[0]), distance
 

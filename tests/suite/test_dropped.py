@@ -130,7 +130,8 @@ def test_gymnasium_says_so_with_the_same_keys_from_the_start_on() -> None:
         assert (terminated, info["dropped"], info["crash"]) == (True, True, False)
 
 
-each_object = pytest.mark.parametrize(("task", "joint"), loose_objects())
+ALIKE = ("peg_green", "peg_blue", "cube_yellow", "cube_purple")  # in shape and mass to one that is dropped
+each_object = pytest.mark.parametrize(("task", "joint"), [each for each in loose_objects() if each[1] not in ALIKE])
 FEW, MANY = 40, 1000
 
 
@@ -143,7 +144,7 @@ def faults(task: str, joint: str, model: mujoco.MjModel, drops: int) -> Counter[
 @each_object
 @pytest.mark.parametrize("drops", [FEW, pytest.param(MANY, marks=pytest.mark.slow)])
 def test_what_is_dropped_comes_to_rest_on_top(task: str, joint: str, drops: int) -> None:
-    assert faults(task, joint, props_of(task).compile(), drops) == {"none": drops}
+    assert faults(task, joint, props_of(task, joint).compile(), drops) == {"none": drops}
 
 
 def test_loose_objects_are_listed() -> None:
@@ -152,7 +153,7 @@ def test_loose_objects_are_listed() -> None:
 
 def test_a_soft_thin_table_lets_things_through() -> None:
     """The check can fail: a peg without balls for noses, over boards as soft as MuJoCo makes them by itself."""
-    spec = props_of("insert_peg")
+    spec = props_of("insert_peg", "peg")
     for geom in spec.geoms:
         geom.solref, geom.solimp, geom.solmix = [0.02, 1.0], [0.9, 0.95, 0.001, 0.5, 2.0], 1.0
     top = spec.geom("table")
@@ -164,7 +165,7 @@ def test_a_soft_thin_table_lets_things_through() -> None:
 
 def test_springs_without_damping_give_no_rest() -> None:
     """The check can fail: without friction or damping in the contact, an object bounces on and on."""
-    spec = props_of("pick_place")
+    spec = props_of("pick_place", "cube")
     for geom in spec.geoms:
         geom.solref, geom.solmix = [-2e4, 0.0], 1.0
     found = faults("pick_place", "cube", spec.compile(), FEW)

@@ -14,8 +14,10 @@ from aerial_il.control import controller_state as layout
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
-from aerial_il.suite import tiers
+from aerial_il.suite import disturbances, tiers
 from tests.contract.registered import random_actions
+
+IN_HARD = tuple(name for name in tiers.components() if "hard" in disturbances.strengths(name))
 
 
 def test_the_tiers_grow_rougher() -> None:
@@ -24,12 +26,12 @@ def test_the_tiers_grow_rougher() -> None:
     assert tiers.get("calm").components == ("noise",)
     assert tiers.get("breeze").components == ("wind", "noise")
     assert tiers.get("gusts").components == ("wind", "noise", "estimation")
-    assert tiers.get("hard").components == tiers.components()
+    assert tiers.get("hard").components == IN_HARD
     shares = [tiers.get(name).to_dict()["wind"]["share"] for name in ("breeze", "gusts", "hard")]
     assert shares == [0.06, 0.13, 0.13]
 
 
-@pytest.mark.parametrize("component", tiers.components())
+@pytest.mark.parametrize("component", IN_HARD)
 def test_each_component_can_stand_alone_and_be_left_out(component: str) -> None:
     hard, alone = tiers.get("hard"), tiers.get(f"calm+{component}")
     assert alone.parts[component] == hard.parts[component]
@@ -45,6 +47,41 @@ def test_names_are_canonical() -> None:
     assert tiers.get("gusts+latency-noise").name == tiers.get("gusts-noise+latency").name == "gusts+latency-noise"
     assert tiers.get("calm+wind-wind") == tiers.get("calm")
     assert tiers.get(tiers.get("hard-noise-wind").name) == tiers.get("hard-noise-wind")
+    assert tiers.get("calm+wind:2").name == tiers.get("calm+wind:2.0").name == "calm+wind:2"
+    assert tiers.get("calm+wind:1").name == "calm+wind", "the strength that it is added with anyway"
+    assert tiers.get("gusts+noise:2-estimation").name == "gusts+noise:2-estimation"
+
+
+@pytest.mark.parametrize(
+    ("component", "strength", "another"),
+    [
+        ("wind", 2, 1.6), ("noise", 2, 1.6), ("estimation", 2, 1.6), ("payload", 0.3, 0.2), ("latency", 3, 1),
+        ("motors", 0.85, 0.7), ("camera_shift", 0.05, 0.1),
+    ],
+)  # fmt: skip
+def test_a_strength_is_flown_and_recorded(component: str, strength: float, another: float) -> None:
+    looks = {"cameras": ("wrist",), "image_size": (24, 32)} if component == "camera_shift" else {}
+    flown = []
+    for tier in ("calm", f"calm+{component}:{strength:g}", f"calm+{component}:{another:g}"):
+        env = aerial_il.load_batch("ua_quad_arm4", "pick_place", num_envs=2, tier=tier, **looks)
+        env.reset(np.array([5, 6]))
+        for action in random_actions(env.spec.action, 20, 2):
+            obs = env.step(action).obs
+        flown.append(np.concatenate([np.ravel(values) for values in obs.values()]))
+        assert env.spec.tier == tier
+    calm, disturbed, otherwise = flown
+    assert not np.array_equal(calm, disturbed)
+    assert not np.array_equal(otherwise, disturbed)
+
+
+def test_friction_of_a_strength_is_the_same_in_every_episode() -> None:
+    env = aerial_il.load_batch("ua_quad_arm4", "open_door", num_envs=2, tier="calm+friction:0.5")
+    nominal = env.simulation.worlds.model.geom_friction[:, 0].copy()
+    env.reset(np.array([5, 6]))
+    assert env.drawn(5)["contact_friction"] == env.drawn(6)["contact_friction"] == 0.5
+    for world in range(2):
+        own = env.simulation.worlds.own_model(world)
+        np.testing.assert_allclose(own.geom_friction[:, 0], 0.5 * nominal)
 
 
 def test_a_tier_is_fixed_and_describes_itself_in_plain_values() -> None:
@@ -68,6 +105,11 @@ def test_a_tier_is_fixed_and_describes_itself_in_plain_values() -> None:
         ("hard--wind", "Unknown tier component ''"),
         ("gusts+payload+wind", "has wind anyway; its components: wind, payload, noise"),
         ("calm-payload", "has no payload anyway; its components: noise"),
+        ("calm+wind:9", "wind:9 is not possible: its strength is a number from 0 to 3 (times the wind of `gusts`)"),
+        ("calm+wind:nan", "its strength is a number from 0 to 3"),
+        ("calm+wind:", "its strength is a number from 0 to 3"),
+        ("calm+latency:1.5", "A latency of 1.5 control steps is not possible"),
+        ("calm-noise:2", "a component is removed whole, without a strength: -noise"),
         ("calm-noise-noise", "has no noise anyway; its components: none"),
     ],
 )
@@ -75,7 +117,7 @@ def test_wrong_names_are_answered_with_what_is_valid(name: str, says: str) -> No
     with pytest.raises((UnknownNameError, InvalidValueError)) as caught:
         tiers.get(name)
     assert says in str(caught.value)
-    assert "wind" in str(caught.value) or "noise" in str(caught.value)
+    assert any(component in str(caught.value) for component in tiers.components())
 
 
 CELL = ("ua_quad_arm4", "reach")

@@ -9,8 +9,11 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.main import main
+from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.evaluation.result import load_result
 from aerial_il.evaluation.training_run import read_run
+from aerial_il.policies import load_flying
 from aerial_il.workflows.parts import demonstrations, run_results
 
 QUIET = "progress=false"
@@ -66,3 +69,31 @@ def test_a_few_demonstrations_are_taken_evenly_from_all_tasks(home: Path) -> Non
 def test_folders_of_one_task_are_taken_one_after_the_other(home: Path) -> None:
     chosen = list(demonstrations.open_demonstrations(str(home / "reach"), limit=3))
     assert [episode.provenance["seed"] for episode in chosen] == [0, 1, 2]
+
+
+def test_a_policy_is_told_in_words_what_to_do(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It has no number of a task; what it is told decides what it does, and is kept with the result."""
+    words = ["dataset.language=true", "policy.hidden=[8]", "algorithm.steps=2"]
+    assert main(["train", f"dataset={home / 'both'}", *words, f"run={home / 'worded'}", QUIET]) == 0
+    policy = load_flying(home / "worded")
+    assert "task_id" not in policy.spec.observation.names
+    assert policy.interface.layout.size >= language.SIZE
+    flown = {}
+    for name, told in {"own": [], "other": ["instruction=按下红色按钮。"]}.items():
+        out = home / "told" / name
+        asked = [f"policy={home / 'worded'}", "task=reach", "episodes=2", "videos=0", QUIET]
+        assert main(["evaluate", *asked, *told, f"out={out}"]) == 0
+        flown[name] = load_result(out)
+    assert flown["own"].provenance["environment"]["instruction"].startswith("Bring the gripper")
+    assert flown["other"].provenance["environment"]["instruction"] == "按下红色按钮。"
+    assert flown["own"].episodes != flown["other"].episodes
+    assert main(["evaluate", f"again={home / 'told' / 'other'}", f"out={home / 'told' / 'again'}", QUIET]) == 0
+    assert "2 of 2 flights are equal" in capsys.readouterr().out
+
+
+def test_words_are_refused_by_a_policy_that_goes_by_numbers(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [f"policy={run}", "task=reach", "episodes=1", "instruction=Reach.", f"out={tmp_path / 'out'}", QUIET]
+    assert main(["evaluate", *asked]) == 2
+    assert "train one with dataset.language=true" in capsys.readouterr().err

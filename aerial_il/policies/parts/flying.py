@@ -13,6 +13,7 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
+from aerial_il.core import language
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
@@ -92,6 +93,8 @@ class FlyingPolicy(ABC):
         self._noise = EpisodeNoise(noise_size, redraw=redraws)
         self._worlds: int | None = None
         self.task, self.execution = self.spec.task, AS_TRAINED
+        self.told: str | None = None  # in words, what to do; None for the environment's instruction
+        self._instruction = self.spec.instruction
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
@@ -260,6 +263,7 @@ class FlyingPolicy(ABC):
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
         self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
+        self._instruction = env.spec.instruction
         if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
             flown = self.spec.robot, env.spec.robot
             log.warning("Trained on %s, it flies %s: all it knows of a robot is its tool.", *flown)
@@ -283,6 +287,11 @@ class FlyingPolicy(ABC):
             raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.{hint}")
 
     @property
+    def goes_by_words(self) -> bool:
+        """Whether it is told in words what to do."""
+        return language.FIELD in self.spec.observation.names
+
+    @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
         """All that changes while it flies, by name."""
         sights = {f"sight.{name}": sight for name, sight in self._sights.items()}
@@ -299,6 +308,9 @@ class FlyingPolicy(ABC):
     def _with_task(self, obs: Observation) -> Observation:
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
+        if self.goes_by_words:
+            text = language.embedded(self._instruction if self.told is None else self.told)
+            obs = {**obs, language.FIELD: np.tile(text, (len(next(iter(obs.values()))), 1))}
         if tasks == (self.spec.task,):
             return obs
         if self.task not in tasks:

@@ -2,7 +2,8 @@
 
 Demonstrations of several tasks are shown as if they came from one environment, whose observation has every field of
 any of them, zero where a task has no such field, and ``task_id``, which is 1 at the task's place and 0 elsewhere. In
-flight the environment says which task it is.
+flight the environment says which task it is. Demonstrations that say in words what they do have ``instruction``
+instead, and in flight the policy is told in words.
 """
 
 from __future__ import annotations
@@ -12,17 +13,20 @@ from dataclasses import replace
 
 import numpy as np
 
+from aerial_il.core import language
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
 
-TASK_ID = "task_id"
+TASK_ID, AND = "task_id", "+"
 OWN = ("task", "observation", "max_steps", "instruction", "subtasks", "state_size")  # in what tasks may differ
 
 
 def tasks_of(spec: EnvSpec) -> tuple[str, ...]:
     """Return the tasks that ``spec`` stands for, in the order of their places in ``task_id``."""
+    if language.FIELD in spec.observation.names:
+        return tuple(spec.task.split(AND))
     return spec.observation[TASK_ID].labels if TASK_ID in spec.observation.names else (spec.task,)
 
 
@@ -40,11 +44,11 @@ def united(specs: Sequence[EnvSpec]) -> EnvSpec:
             if fields.setdefault(field.name, field) != field:
                 raise InvalidValueError(f"{field.name!r} of {spec.task} is not that of the other tasks: {field}.")
     tasks = tuple(sorted({spec.task for spec in specs}))
-    which = Field(TASK_ID, (len(tasks),), "task", labels=tasks)
+    which = [] if language.FIELD in fields else [Field(TASK_ID, (len(tasks),), "task", labels=tasks)]
     return replace(
         first,
-        task="+".join(tasks),
-        observation=ObservationSpec((*fields.values(), which)),
+        task=AND.join(tasks),
+        observation=ObservationSpec((*fields.values(), *which)),
         max_steps=max(spec.max_steps for spec in specs),
         instruction=" ".join(dict.fromkeys(spec.instruction for spec in specs)),
         subtasks=(),
@@ -63,17 +67,20 @@ def unite(demos: Sequence[Episode]) -> list[Episode]:
 
 def as_one_of(whole: EnvSpec, spec: EnvSpec) -> EnvSpec:
     """Return ``spec`` as :func:`completed` makes it look, where its task is one of several in ``whole``."""
-    if spec.task not in tasks_of(whole) or whole.task == spec.task:
+    if spec.task not in tasks_of(whole):
         return spec
-    shown = spec.observation.names
-    added = tuple(field for field in whole.observation.fields if field.name not in shown and field.group != "image")
+    shown, told = spec.observation.names, (TASK_ID, language.FIELD)
+    blank = (field for field in whole.observation.fields if field.name not in shown and field.group != "image")
+    added = tuple(field for field in blank if whole.task != spec.task or field.name in told)
     return replace(spec, task=whole.task, observation=ObservationSpec((*spec.observation.fields, *added)))
 
 
 def completed(obs: Observation, spec: EnvSpec, task: str) -> dict[str, np.ndarray]:
     """Return ``obs`` (n, ...) of ``task`` with the fields of the other tasks, zero, and which task it is."""
     count = len(next(iter(obs.values())))
-    missing = [f for f in spec.observation.fields if f.group != "image" and f.name not in obs]
+    missing = [f for f in spec.observation.fields if f.group != "image" and f.name not in (*obs, TASK_ID)]
     blank = {field.name: np.zeros((count, *field.shape)) for field in missing}
+    if TASK_ID not in spec.observation.names:
+        return {**obs, **blank}
     which = np.array([float(label == task) for label in tasks_of(spec)])
     return {**obs, **blank, TASK_ID: np.tile(which, (count, 1))}

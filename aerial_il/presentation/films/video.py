@@ -12,7 +12,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from itertools import repeat
+from itertools import repeat, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from aerial_il.core.places import MADE_BY
 from aerial_il.core.progress import Progress
 from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import DROPPED
+from aerial_il.evaluation.failures import kind_of, kinds_of
 from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.evaluation.result import EvaluationResult, Flight
 from aerial_il.presentation.films.overlay import Caption, compose
@@ -90,7 +91,7 @@ def film(
     cameras: Sequence[str] = ("scene", "wrist"),
     progress: bool = False,
 ) -> Footage:
-    """Film the first successes and the first failures in the order of the seeds: a sample, not a selection.
+    """Film the first successes, and of failures the first of each kind, the most frequent kind first.
 
     Args:
         env: a batch environment of the cell and tier of ``result``; its world 0 is used.
@@ -107,7 +108,8 @@ def film(
     problem = rendering_problem(env, views)
     if problem:
         return Footage(note=f"No video: {problem}")
-    chosen = _first(result, True, successes) + _first(result, False, failures)
+    won = [episode for episode in result.episodes if episode.success]
+    chosen = won[:successes] + _failures(result)[:failures]
     clips = []
     for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
         path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
@@ -326,5 +328,8 @@ def _phase_name(flight: Flight, step: int) -> str:
     return flight.phase_names[flight.phase[step]]
 
 
-def _first(result: EvaluationResult, success: bool, number: int) -> list[EpisodeRecord]:
-    return [episode for episode in result.episodes if episode.success is success][:number]
+def _failures(result: EvaluationResult) -> list[EpisodeRecord]:
+    """Return the failed episodes: the first of each kind, the most frequent kind first, then the second of each, ..."""
+    kinds = {kind: [e for e in result.episodes if kind_of(e) == kind] for kind in kinds_of(result.episodes)}
+    rounds = zip_longest(*kinds.values())
+    return [episode for each in rounds for episode in each if episode is not None]

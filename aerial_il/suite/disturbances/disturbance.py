@@ -21,6 +21,7 @@ from zlib import crc32
 import numpy as np
 
 from aerial_il.core.addresses import record_of_numbers
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.disturbances.nominal import Nominal
 
@@ -37,17 +38,44 @@ class Start(NamedTuple):
     hold_action: Callable[[], np.ndarray]
 
 
+class Strength(NamedTuple):
+    """What one number, the strength of a disturbance, means.
+
+    Attributes:
+        meaning: a clause. least, most: its limits.
+    """
+
+    meaning: str
+    least: float
+    most: float
+
+
 class Disturbance:
     """Settings of one disturbance: frozen dataclasses inherit from it.
 
     Attributes:
+        strength: what its strength means, where one number says it all.
         memory: numbers of a world's state that are its own. varies: fields that it changes, see ``Nominal.field``.
         stream: first channel of its random numbers; None for one by its name.
     """
 
+    strength: ClassVar[Strength | None] = None
     memory: ClassVar[int] = 0
     varies: ClassVar[tuple[str, ...]] = ()
     stream: ClassVar[int | None] = None
+
+    @classmethod
+    def of(cls, strength: float) -> Disturbance:
+        """Return the disturbance of a strength, which lies within the limits of :attr:`strength`.
+
+        Raises:
+            InvalidValueError: it lies between those that are possible, e.g. half a control step.
+        """
+        raise InvalidValueError(f"{cls.__name__} has no strength that one number says.")
+
+    def unfelt(self, robot: Robot) -> str | None:
+        """Return why ``robot`` would not notice it at any strength, or None if it would."""
+        return None
 
     def numbers(self, robot: Robot) -> dict[str, float]:
         """Return what the kernels read, by name: the settings, or what they amount to on a robot."""

@@ -6,15 +6,18 @@ and ``episode.estimation``, since it needs what the task names in the scene.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.suite.disturbances.disturbance import Disturbance, Start
+from aerial_il.suite.disturbances.disturbance import Disturbance, Start, Strength
 from aerial_il.suite.physics import episode_state as layout
 
+ERRORS = (
+    "frame_bias", "position_bias", "position_noise", "angle_bias", "angle_noise", "force_bias", "force_noise",
+)  # fmt: skip
 NUM_ERRORS = layout.ERRORS.stop - layout.ERRORS.start
 
 
@@ -47,6 +50,7 @@ class Estimation(Disturbance):
     lag: int = 3
     force_bias: float = 0.1
     force_noise: float = 0.1
+    strength: ClassVar[Strength | None] = Strength("times the errors in `gusts`, as late as there", 0.0, 5.0)
     memory: ClassVar[int] = NUM_ERRORS + layout.MAX_LAG * layout.PAST_SIZE
 
     def __post_init__(self) -> None:
@@ -57,6 +61,10 @@ class Estimation(Disturbance):
             raise InvalidValueError(
                 f"Estimation's lag is {self.lag} control steps; at most {layout.MAX_LAG} are remembered."
             )
+
+    @classmethod
+    def of(cls, strength: float) -> Estimation:
+        return replace(cls(), **{name: strength * getattr(cls, name) for name in ERRORS})
 
     def start(self, at: Start) -> np.ndarray:
         return np.concatenate([at.rng.standard_normal(NUM_ERRORS), np.zeros(self.memory - NUM_ERRORS)])

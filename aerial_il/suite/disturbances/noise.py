@@ -10,7 +10,7 @@ import numpy as np
 
 from aerial_il.core.kernels import kernel
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.disturbances.disturbance import Disturbance, Start
+from aerial_il.suite.disturbances.disturbance import Disturbance, Start, Strength
 from aerial_il.suite.physics.noise import gaussian
 
 DEVIATIONS = {"position": 0.002, "velocity": 0.01, "attitude": 0.003, "rate": 0.01}  # m, m/s, rad, rad/s: of each axis
@@ -26,8 +26,13 @@ class Noise(Disturbance):
     """
 
     scale: float = 1.0
+    strength: ClassVar[Strength | None] = Strength("times the errors in `calm`", 0.0, 10.0)
     memory: ClassVar[int] = 12
     stream: ClassVar[int | None] = 16
+
+    @classmethod
+    def of(cls, strength: float) -> Noise:
+        return cls(strength)
 
     def numbers(self, robot: Robot) -> dict[str, float]:
         return {**{name: self.scale * value for name, value in DEVIATIONS.items()}, "time": TIME_S}

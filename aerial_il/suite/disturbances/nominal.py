@@ -9,7 +9,9 @@ import numpy as np
 
 from aerial_il.robots.robot import Robot
 
-ROTOR_GAIN = "rotor_gain"  # (R,) what rotors give of their thrust: the field that is no part of MuJoCo's model
+# Fields that are no part of MuJoCo's model.
+ROTOR_GAIN = "rotor_gain"  # (R,) what rotors give of their thrust
+CAMERA_OFFSET = "camera_offset"  # (C, 3) how far the robot's cameras are from where they should be, their frames, m
 
 
 class Nominal:
@@ -27,7 +29,11 @@ class Nominal:
 
     def field(self, name: str) -> np.ndarray:
         """Return a copy of the nominal values of a field that a disturbance varies."""
-        return np.ones(self.robot.num_rotors) if name == ROTOR_GAIN else getattr(self.model, name).copy()
+        if name == ROTOR_GAIN:
+            return np.ones(self.robot.num_rotors)
+        if name == CAMERA_OFFSET:
+            return np.zeros((len(self.robot.mounted_cameras), 3))
+        return getattr(self.model, name).copy()
 
     @cached_property
     def objects(self) -> tuple[np.ndarray, ...]:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 
-from aerial_il.suite.disturbances.disturbance import Disturbance
+from aerial_il.suite.disturbances.disturbance import Disturbance, Strength
 from aerial_il.suite.disturbances.nominal import Nominal, factors
 
 
@@ -23,7 +23,14 @@ class Payload(Disturbance):
 
     object_mass: float = 0.3
     base_mass: float = 0.05
+    strength: ClassVar[Strength | None] = Strength(
+        "of its mass, by which each object and the vehicle weigh more", 0.0, 0.5
+    )
     varies: ClassVar[tuple[str, ...]] = ("body_mass", "body_inertia", "body_ipos", "body_iquat")
+
+    @classmethod
+    def of(cls, strength: float) -> Payload:
+        return KnownPayload(share=strength)
 
     def vary(self, fields: dict[str, np.ndarray], nominal: Nominal, rng: np.random.Generator) -> dict[str, Any]:
         robot, hub = nominal.robot, np.array(nominal.robot.base.hub_size)
@@ -36,6 +43,30 @@ class Payload(Disturbance):
         if extra:
             attach(fields, nominal.base, extra, where)
         return {"object_mass": masses, "base_mass": extra, "base_offset": tuple(where.tolist())}
+
+
+@dataclass(frozen=True)
+class KnownPayload(Payload):
+    """Masses that are the same in every episode, in a place of the hub that is drawn for it.
+
+    Attributes:
+        object_mass, base_mass: not used. share: of its mass, by which each object and the vehicle weigh more.
+    """
+
+    object_mass: float = 0.0
+    base_mass: float = 0.0
+    share: float = 0.0
+
+    def vary(self, fields: dict[str, np.ndarray], nominal: Nominal, rng: np.random.Generator) -> dict[str, Any]:
+        for bodies in nominal.objects:
+            fields["body_mass"][bodies] *= 1.0 + self.share
+            fields["body_inertia"][bodies] *= 1.0 + self.share
+        if nominal.robot.fixed or not self.share:
+            return {}
+        hub = np.array(nominal.robot.base.hub_size)
+        where, extra = rng.uniform(-hub, hub), self.share * nominal.robot.vehicle.mass
+        attach(fields, nominal.base, extra, where)
+        return {"base_mass": extra, "base_offset": tuple(where.tolist())}
 
 
 TIERS = {"hard": Payload()}

@@ -19,7 +19,7 @@ from aerial_il.core.arrays import length
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.disturbances.disturbance import Disturbance, Start
+from aerial_il.suite.disturbances.disturbance import Disturbance, Start, Strength
 from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.noise import gaussian
 
@@ -64,8 +64,17 @@ class Wind(Disturbance):
     """
 
     share: float = 0.13
+    strength: ClassVar[Strength | None] = Strength("times the wind of `gusts`", 0.0, 3.0)
     memory: ClassVar[int] = WIND_SIZE
     stream: ClassVar[int | None] = 0
+
+    @classmethod
+    def of(cls, strength: float) -> Wind:
+        return cls(strength * cls.share)
+
+    def unfelt(self, robot: Robot) -> str | None:
+        still = robot.fixed or not robot.vehicle.drag.any()
+        return f"{robot.name} has no drag, or stands fixed: it feels no wind" if still else None
 
     def numbers(self, robot: Robot) -> dict[str, float]:
         return air_about(robot.vehicle, self.share)._asdict()

@@ -15,9 +15,9 @@ from aerial_il.core.kernels import address_of, kernel
 from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
-from aerial_il.suite import disturbances, tiers
+from aerial_il.suite import disturbances, tasks, tiers
 from aerial_il.suite.disturbances.disturbance import Start
-from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal
+from aerial_il.suite.disturbances.nominal import CAMERA_OFFSET, ROTOR_GAIN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.hooks import (
@@ -75,6 +75,7 @@ class Disturbances:
 
     Attributes:
         rotor_gain: (n, R) what the rotors give of their thrust.
+        camera_offset: (n, C, 3) how far each camera of the robot is from where it should be, in its frame, m.
     """
 
     def __init__(self, scenario: Scenario, view: View) -> None:
@@ -84,6 +85,7 @@ class Disturbances:
         self._nominal = Nominal(worlds.model, scenario.robot)
         varied = {name for part in self.tier.parts.values() for name in part.varies}
         self.rotor_gain = np.ones((worlds.n, scenario.robot.num_rotors))
+        self.camera_offset = np.zeros((worlds.n, len(scenario.robot.mounted_cameras), 3))
         self._fields = {name: self._nominal.field(name) for name in sorted(varied)}
         self._model_seeds = np.full(worlds.n, -1, np.int64)  # whose parameters each model holds; no part of the state
         self._workspace = mujoco.MjData(worlds.model) if varied else None
@@ -118,8 +120,9 @@ class Disturbances:
             return
         for i in np.flatnonzero(mask & (self._model_seeds != seeds)):
             model = self.view.worlds.own_model(int(i))
+            beside = {ROTOR_GAIN: self.rotor_gain[i], CAMERA_OFFSET: self.camera_offset[i]}
             for name, value in self._varied(int(seeds[i]))[0].items():
-                field = self.rotor_gain[i] if name == ROTOR_GAIN else getattr(model, name)
+                field = beside[name] if name in beside else getattr(model, name)
                 field[:] = value
             mujoco.mj_setConst(model, self._workspace)
             self._model_seeds[i] = seeds[i]
@@ -155,18 +158,18 @@ def effects_of(spec: EnvSpec, model: mujoco.MjModel, states: np.ndarray) -> np.n
         spec: of the recording. model: its scene, compiled. states: (N, S), as an environment returns them.
 
     Returns:
-        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot or tier are not the suite's.
+        (N,) records of :data:`aerial_il.suite.physics.hooks.EFFECTS`; zero where robot, task or tier is unknown.
     """
     effects = np.zeros(len(states), EFFECTS)
     try:
-        robot, tier = robots.get(spec.robot), tiers.get(spec.tier)
+        robot, tier, task = robots.get(spec.robot), tiers.get(spec.tier), tasks.get(spec.task)
     except UnknownNameError:
         return effects
     before = mujoco.mj_stateSize(model, STATE_BEFORE_USERDATA)
     userdata = np.ascontiguousarray(states[:, before : before + model.nuserdata])
     if tier.userdata_size - model.nuserdata == layout.USERDATA_SIZE - layout.PAST.stop:  # until engine 3
         userdata = np.insert(userdata, [layout.PAST.stop] * (layout.USERDATA_SIZE - layout.PAST.stop), 0.0, axis=1)
-    if spec.is_outside or userdata.shape[1] != tier.userdata_size or robot.fixed:
+    if spec.is_outside or userdata.shape[1] != tier.userdata_size + layout.sight_size(*task.sight) or robot.fixed:
         return effects
     table = HookTable(tier, robot, len(states))
     pos, vel = np.ascontiguousarray(states[:, 1:8]), np.ascontiguousarray(states[:, 1 + model.nq : 7 + model.nq])

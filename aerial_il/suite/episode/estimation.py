@@ -54,13 +54,13 @@ SIGHT = np.dtype(
         *((name, np.float64) for name in ("time", "force_bias", "force_noise")),
         *((name, np.int64) for name in ("lag", "num_objects", "num_sites", "num_joints", "num_mocaps", "num_forces")),
         *((name, np.int64) for name in ("own_qpos", "own_qvel")),  # numbers of the robot, which come first
-        ("centres", np.int64, (layout.MAX_OBJECTS,)),  # the site of each object about which its error turns it
+        *((name, np.int64) for name in ("memory", "errors", "past", "past_size")),  # numbers, and where the sight's are
+        ("centres", np.int64, (MAX_NAMES,)),  # the site of each object about which its error turns it
         *((name, np.int64, (MAX_NAMES,)) for name in ("site_objects", "site_slots", "mocap_objects")),
         *((name, np.int64, (MAX_NAMES,)) for name in ("joint_kinds", "joint_objects", "joint_slots")),
     ],
     align=True,
 )
-ERRORS_START, PAST_START, PAST_SIZE = layout.ERRORS.start, layout.PAST.start, layout.PAST_SIZE
 FORCES_START, OWN_MEMORY_STOP = layout.FORCES.start, layout.TASK.stop
 SEED, TICK, STEP, USERDATA_SIZE = layout.SEED, layout.TICK, layout.STEP, layout.USERDATA_SIZE
 FRAME, OBJECT, KICK = 32, 36, 48  # first channels of random numbers: of the frame, of objects, of their noise
@@ -91,24 +91,25 @@ def begin_sight(perception, records, record_size, active):
         if active[i]:
             world = record_at(records + i * record_size)
             for slot in range(sight.lag):
-                _remember(sight, world, doubles(world.userdata, USERDATA_SIZE), PAST_START + slot * PAST_SIZE)
+                _remember(sight, world, _memory(sight, world), sight.past + slot * sight.past_size)
 
 
 @kernel
-def advance_sight(perception, world, userdata, dt):
+def advance_sight(perception, world, dt):
     """Look once more, at the beginning of a control step of ``dt`` s, and let the errors wander.
 
     Args:
-        perception: see above. world: record of the truth. userdata: its memory, written.
+        perception: see above. world: record of the truth; its memory is written.
     """
     sight = perception.sight[0]
+    userdata = _memory(sight, world)
     if sight.lag > 0:
         _remember(sight, world, userdata, _past(sight, userdata))
     decay = math.exp(-dt / sight.time)
     kick = math.sqrt(1.0 - decay * decay)
     for k in range(6 * sight.num_objects):
         fresh = gaussian(userdata[SEED], userdata[TICK], KICK + k)
-        userdata[ERRORS_START + k] = decay * userdata[ERRORS_START + k] + kick * fresh
+        userdata[sight.errors + k] = decay * userdata[sight.errors + k] + kick * fresh
 
 
 @kernel
@@ -119,7 +120,8 @@ def perceive(perception, world, seen, now, effects):
         perception: see above. world: record of the truth. seen: record whose addresses are those of what is written;
             what cannot be seen stays NaN there. now, effects: addresses of this world's, see ``physics.hooks``.
     """
-    sight, userdata = perception.sight[0], doubles(world.userdata, USERDATA_SIZE)
+    sight = perception.sight[0]
+    userdata = _memory(sight, world)
     _feel_forces(sight, world, seen)
     _estimate_robot(perception, world, seen, now, effects)
     for k in range(sight.num_sites):
@@ -138,9 +140,15 @@ def perceive(perception, world, seen, now, effects):
 
 
 @kernel
+def _memory(sight, world):
+    """All that an episode remembers."""
+    return doubles(world.userdata, sight.memory)
+
+
+@kernel
 def _past(sight, userdata):
     """Slot of the oldest observation kept: it is shown next, and the present one takes its place."""
-    return PAST_START + int(userdata[STEP]) % sight.lag * PAST_SIZE
+    return sight.past + int(userdata[STEP]) % sight.lag * sight.past_size
 
 
 @kernel
@@ -195,7 +203,7 @@ def _errors(sight, userdata, which, first):
 @kernel
 def _error(sight, userdata, which, axis):
     """An object's own error: of position along x, y, z (m), then of rotation about x, y, z (rad), world frame."""
-    constant, wandering = gaussian(userdata[SEED], which, OBJECT + axis), userdata[ERRORS_START + 6 * which + axis]
+    constant, wandering = gaussian(userdata[SEED], which, OBJECT + axis), userdata[sight.errors + 6 * which + axis]
     if axis < 3:
         return sight.position_bias * constant + sight.position_noise * wandering
     return sight.angle_bias * constant + sight.angle_noise * wandering
@@ -216,7 +224,7 @@ def _see_joint(sight, world, userdata, seen, k):
     if which != EXACT:
         axis, noise = (ABOUT_Z, sight.angle_noise) if hinge else (ALONG_Z, sight.position_noise)
         position += _error(sight, userdata, which, axis)
-        speed += noise / sight.time * userdata[ERRORS_START + 6 * which + axis - 1]
+        speed += noise / sight.time * userdata[sight.errors + 6 * which + axis - 1]
     doubles(seen.qpos + 8 * seen.joints[k], 1)[0] = position
     doubles(seen.qvel + 8 * seen.dofs[k], 1)[0] = speed
 

@@ -128,9 +128,8 @@ def fly(flight, rules, results, workspace, worlds, sent, actions, active, fresh,
             receive_action(vehicle, gains, scratch, level, action, pos, state, flight.interval)
             advance_all(hooks, memory, now)
             if rules.perception.active != 0:
-                advance_sight(
-                    rules.perception, record_at(results.records + i * results.record_size), userdata, flight.interval
-                )
+                world = record_at(results.records + i * results.record_size)
+                advance_sight(rules.perception, world, flight.interval)
         soon = i + flight.hands
         for step in range(steps):
             if soon < active.size:

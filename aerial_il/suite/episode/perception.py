@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import mujoco
@@ -9,6 +10,7 @@ import numpy as np
 
 from aerial_il.control.vehicle import alone
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.seeding import episode_rng
 from aerial_il.suite.episode.estimation import (
     EXACT,
     FRAME,
@@ -28,6 +30,8 @@ from aerial_il.suite.scenario import Scenario
 
 KINDS = {mujoco.mjtJoint.mjJNT_HINGE: HINGE, mujoco.mjtJoint.mjJNT_SLIDE: SLIDE}
 POSE_SIZE, JOINT_SIZE = 7, 2  # numbers that are remembered of a site and of a joint that move
+NUM_ERRORS = 6  # of an object
+MOST_OBJECTS = 6  # whose random numbers have channels of their own, see ``estimation``
 
 
 class Perceived:
@@ -51,6 +55,7 @@ class Perceived:
         self.view, self._model, self._task = view, view.model, scenario.task
         self._roots: list[int] = []
         self._places = 0  # of what is remembered
+        self._sight_of = partial(episode_rng, scenario.robot_name, scenario.task_name, "sight")
         vehicle, estimation = scenario.robot.vehicle.record, scenario.tier.parts.get("estimation")
         sight, self.records = np.zeros(1, SIGHT), view.records
         if estimation:
@@ -64,12 +69,15 @@ class Perceived:
     def begin(self, mask: np.ndarray) -> None:
         """Let the worlds in ``mask`` (n,) bool, whose episodes start, have looked for ever as they do now."""
         if self.perception.active:
+            self._draw_errors(mask)
             records = self.view.records
             begin_sight(self.perception, records.ctypes.data, records.itemsize, mask)
 
     def resume(self, mask: np.ndarray) -> None:
         """The same for those in ``mask`` whose state remembers nothing seen: one of a tier in which all is exact."""
-        self.begin(mask & ~self.view.userdata[:, layout.PAST].any(axis=1))
+        sight = self.perception.sight[0]
+        first, size = sight["past"], layout.MAX_LAG * sight["past_size"]
+        self.begin(mask & ~self.view.userdata[:, first : first + size].any(axis=1))
 
     def drawn(self, seed: int) -> dict[str, Any]:
         """Biases of what is seen in the episode ``seed``, as plain values; empty where the truth is shown."""
@@ -90,9 +98,11 @@ class Perceived:
         commanded = [name in self._task.commanded for name in names.sites]
         roots = [int(model.body_rootid[body]) for body, exact in zip(sites, commanded, strict=True) if not exact]
         self._roots = list(dict.fromkeys(roots))
-        if len(self._roots) > layout.MAX_OBJECTS:
+        most, _ = self._task.sight
+        if not len(self._roots) <= most <= MOST_OBJECTS:
             raise InvalidValueError(
-                f"{self._task.name} shows {len(self._roots)} objects; at most {layout.MAX_OBJECTS}."
+                f"{self._task.name} shows {len(self._roots)} objects, its `sight` says {most}: say as many, "
+                f"{MOST_OBJECTS} at most."
             )
         for k, body in enumerate(sites):
             sight["site_objects"][0, k] = EXACT if commanded[k] else self._roots.index(model.body_rootid[body])
@@ -113,18 +123,40 @@ class Perceived:
         sight["num_objects"], sight["num_sites"] = len(self._roots), len(sites)
         sight["num_joints"], sight["num_mocaps"] = len(names.joints), len(names.mocaps)
         sight["num_forces"] = len(self._task.force_sensors)
+        self._find_memory(sight)
         fingers = 2 * int(record["grips"])
         sight["own_qpos"] = record["fingers"] + fingers
         sight["own_qvel"] = record["first_dof"] + record["num_joints"] + fingers
 
+    def _find_memory(self, sight: np.ndarray) -> None:
+        """Say where errors and past lie: in the fixed layout, or at the end where they do not fit in there."""
+        objects, moving = self._task.sight
+        sight["memory"] = memory = self._model.nuserdata
+        sight["errors"], sight["past"], sight["past_size"] = layout.ERRORS.start, layout.PAST.start, layout.PAST_SIZE
+        if behind := layout.sight_size(objects, moving):
+            sight["errors"], sight["past_size"] = memory - behind, moving
+            sight["past"] = sight["errors"] + NUM_ERRORS * objects
+
+    def _draw_errors(self, mask: np.ndarray) -> None:
+        """Draw the errors with which episodes start that lie behind the layout; ``estimation`` draws the others."""
+        sight = self.perception.sight[0]
+        if sight["errors"] == layout.ERRORS.start:
+            return
+        size = sight["past"] - sight["errors"]
+        for i in np.flatnonzero(mask):
+            userdata = self.view.userdata[i]
+            rng = self._sight_of(int(userdata[layout.SEED]))
+            userdata[sight["errors"] : sight["past"]] = rng.standard_normal(size)
+
     def _slot(self, size: int) -> int:
         """Take ``size`` numbers of the memory for what moves."""
         first, self._places = self._places, self._places + size
-        if self._places > layout.PAST_SIZE:
+        _, most = self._task.sight
+        if self._places > most:
             raise InvalidValueError(
                 f"The moving sites and joints of task {self._task.name!r} take {self._places} numbers, and "
-                f"an estimate holds {layout.PAST_SIZE}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. "
-                "Name one site per object, and compute its other points from there, along the axes of site_mat."
+                f"an estimate holds {most}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. Name one site per "
+                "object, and compute its other points from there, along the axes of site_mat, or say more in `sight`."
             )
         return first
 

@@ -259,6 +259,12 @@ class Simulation:
         """One number of its assessment, see :mod:`aerial_il.suite.episode.assessment`."""
         return float(self._results.verdicts[world, kind])
 
+    def camera_offset(self, world: int, camera: str) -> np.ndarray | None:
+        """(3,) how far a camera of one world is from where it should be, in its frame, m; None where it may not be."""
+        names = [each.name for each in self.robot.mounted_cameras]
+        moved = "camera_shift" in self.disturbances.tier.parts and camera in names
+        return self.disturbances.camera_offset[world, names.index(camera)] if moved else None
+
     def close(self) -> None:
         """End the controllers' threads."""
         self._threads.close()

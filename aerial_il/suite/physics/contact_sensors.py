@@ -23,10 +23,12 @@ def add_contact_sensor(spec: mujoco.MjSpec, name: str, *, body: str = "", geoms:
     sensor.intprm[0], sensor.intprm[1], sensor.intprm[2] = FOUND, KEEP_FIRST, ONE_SLOT
 
 
-def add_touch_sensor(spec: mujoco.MjSpec, name: str, body: str) -> None:
-    """Add a sensor that counts contacts of any part of the robot with ``body``."""
+def add_touch_sensor(spec: mujoco.MjSpec, name: str, body: str = "") -> None:
+    """Add a sensor that counts contacts of any part of the robot with ``body``, or with anything."""
     sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_CONTACT)
-    sensor.objtype, sensor.objname, sensor.reftype, sensor.refname = SUBTREE, ROBOT, SUBTREE, body
+    sensor.objtype, sensor.objname = SUBTREE, ROBOT
+    if body:
+        sensor.reftype, sensor.refname = SUBTREE, body
     sensor.intprm[0], sensor.intprm[1], sensor.intprm[2] = FOUND, KEEP_FIRST, ONE_SLOT
 
 

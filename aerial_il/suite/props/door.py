@@ -29,15 +29,21 @@ def add_door(spec: mujoco.MjSpec) -> None:
     hinge = [0, 0.5 * LEAF_M, HANDLE_HEIGHT_M]
     cabinet.add_site(name="door", pos=hinge, size=[0.003] * 3, group=4)
     _add_boards(cabinet)
-    leaf = cabinet.add_body(name="door", pos=[0, hinge[1], 0])
+    leaf = hang_leaf(cabinet)
+    box, half = mujoco.mjtGeom.mjGEOM_BOX, [BOARD_M, 0.5 * LEAF_M, 0.5 * HEIGHT_M]
+    middle = [BOARD_M, -half[1], half[2]]
+    leaf.add_geom(name="door_leaf", type=box, pos=middle, size=half, rgba=LEAF, mass=0.8, **FIXTURE)
+    add_handle(leaf, HANDLE_HEIGHT_M)
+
+
+def hang_leaf(cabinet: mujoco.MjsBody) -> mujoco.MjsBody:
+    """Hang the body ``door`` on the left of a cabinet's front, by its hinge ``door``, and return it."""
+    leaf = cabinet.add_body(name="door", pos=[0, 0.5 * LEAF_M, 0])
     leaf.add_joint(
         name="door", axis=[0, 0, 1], range=[0.0, DOOR_STOP_RAD], limited=True, frictionloss=DOOR_FRICTION_NM,
         solimp_friction=STICTION, damping=DOOR_DAMPING, armature=0.002,
     )  # fmt: skip
-    box, half = mujoco.mjtGeom.mjGEOM_BOX, [BOARD_M, 0.5 * LEAF_M, 0.5 * HEIGHT_M]
-    middle = [BOARD_M, -half[1], half[2]]
-    leaf.add_geom(name="door_leaf", type=box, pos=middle, size=half, rgba=LEAF, mass=0.8, **FIXTURE)
-    _add_handle(leaf)
+    return leaf
 
 
 def _add_boards(cabinet: mujoco.MjsBody) -> None:
@@ -55,10 +61,10 @@ def _add_boards(cabinet: mujoco.MjsBody) -> None:
         cabinet.add_geom(name=f"cabinet_{name}", **look, **FIXTURE)
 
 
-def _add_handle(leaf: mujoco.MjsBody) -> None:
-    """A level bow: two stand-offs and the bar between them."""
+def add_handle(leaf: mujoco.MjsBody, height: float) -> None:
+    """A level bow at ``height`` m, two stand-offs and the bar between them, with the site ``loop`` in its middle."""
     face, out = 2.0 * BOARD_M, 2.0 * BOARD_M + LOOP_M
-    left, right, z = -HINGE_TO_LOOP_M + BAR_HALF_M, -HINGE_TO_LOOP_M - BAR_HALF_M, HANDLE_HEIGHT_M
+    left, right, z = -HINGE_TO_LOOP_M + BAR_HALF_M, -HINGE_TO_LOOP_M - BAR_HALF_M, height
     rods = {
         "handle_left": [face, left, z, out, left, z],
         "handle_right": [face, right, z, out, right, z],

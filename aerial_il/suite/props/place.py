@@ -34,3 +34,14 @@ def two_places(
         a, b = rng.uniform(low, high), rng.uniform(low, high)
         if np.hypot(*(a - b)) >= apart and workable(a) and workable(b):
             return a, b
+
+
+def places_apart(
+    rng: np.random.Generator, low: np.ndarray, high: np.ndarray, count: int, *, apart: float
+) -> np.ndarray:
+    """Random points (count, 2) between ``low`` and ``high`` (2,), each at least ``apart`` from all others, in m."""
+    while True:
+        points = rng.uniform(low, high, (count, 2))
+        gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
+        if (gaps + 2.0 * apart * np.eye(count)).min() >= apart:
+            return points

@@ -41,6 +41,13 @@ class Hover(Task):
     name = "hover"
     grade = "easy"
     instruction = "Hover at the marked point, facing along the arrow."
+    wordings = (
+        "Fly to the marked point and hover there, facing along the arrow.",
+        "Stay at the marked point.",
+        "飞到标记点悬停，机头沿箭头方向。",
+        "在标记点悬停。",
+    )
+    held_out = ("Stay at the marked point, facing along the arrow.", "请悬停在标记点。")
     time_limit_s = 20.0
     dwell_s = 1.0
     needs_arm = False

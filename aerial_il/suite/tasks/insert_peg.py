@@ -51,6 +51,13 @@ class InsertPeg(Task):
     name = "insert_peg"
     grade = "hard"
     instruction = "Take the orange peg out of its stand and insert it into the blue socket."
+    wordings = (
+        "Pull the orange peg from its stand and push it into the blue hole.",
+        "Insert the peg in the blue socket.",
+        "把橙色插销从支架上取下，插入蓝色的孔。",
+        "将插销插进蓝色插座。",
+    )
+    held_out = ("Put the orange peg into the blue socket.", "请把插销插入蓝色插座里。")
     time_limit_s = 40.0
     dwell_s = 0.5
     subtasks = ("at_peg", "grasped", "lifted", "over_hole", "in_hole", "inserted")
@@ -124,7 +131,7 @@ def lost(world):
 def progress(world, flags):
     held, end, hole = grasped(world), lower_end(world), site_pos(world, HOLE)
     near_hole = planar_norm(sub(end, hole)) <= OVER_HOLE_M and end[2] >= hole[2] - PEG_RADIUS_M
-    flags[0] = norm(sub(upper_end(world), tool_pos(world))) <= 2.0 * GRASP_M
+    flags[0] = norm(sub(upper_end_of(world, PEG), tool_pos(world))) <= 2.0 * GRASP_M
     flags[1] = held
     flags[2] = held and end[2] >= site_pos(world, STAND)[2] + LIFTED_M
     flags[3] = held and near_hole
@@ -133,14 +140,20 @@ def progress(world, flags):
 
 @kernel
 def reward(world):
-    end, hole, inside = lower_end(world), site_pos(world, HOLE), depth(world)
+    return reward_for(world, PEG, HOLE, grasped(world))
+
+
+@kernel
+def reward_for(world, peg, hole_site, held):
+    """Reward for how far the peg of one site has come on its way into the hole of another; ``held``: by the gripper."""
+    end, hole, inside = lower_end_of(world, peg), site_pos(world, hole_site), depth_in(world, peg, hole_site)
     if inside > 0.0:
         return 0.6 + 0.4 * clip(inside / INSERTED_M, 0.0, 1.0)
-    if grasped(world):
+    if held:
         lifted = clip((end[2] - TABLE_HEIGHT_M) / (FLOOR_M + STAND_DEPTH_M + LIFTED_M), 0.0, 1.0)
         beside = planar_norm(sub(end, hole))
         return 0.3 + 0.1 * lifted + 0.1 * closeness(beside, 0.15) + 0.1 * closeness(beside, 0.01)
-    return 0.3 * closeness(norm(sub(upper_end(world), tool_pos(world))), 0.2)
+    return 0.3 * closeness(norm(sub(upper_end_of(world, peg), tool_pos(world))), 0.2)
 
 
 @kernel
@@ -151,28 +164,43 @@ def grasped(world):
 
 @kernel
 def peg_axis(world):
-    """Unit vector along the peg, world frame, from its lower to its upper end."""
-    axis = column(site_mat(world, PEG), 2)
-    return scale(-1.0, axis) if axis[2] < 0.0 else axis
+    return axis_of(world, PEG)
 
 
 @kernel
 def lower_end(world):
-    """Tip of the nose that is lower, world frame, m."""
-    return sub(site_pos(world, PEG), scale(0.5 * PEG_LENGTH_M, peg_axis(world)))
-
-
-@kernel
-def upper_end(world):
-    """Tip of the nose that is higher, world frame, m."""
-    return add(site_pos(world, PEG), scale(0.5 * PEG_LENGTH_M, peg_axis(world)))
+    return lower_end_of(world, PEG)
 
 
 @kernel
 def depth(world):
-    """Length of the peg's full width inside the bore, below the chamfer, m; 0 outside."""
-    axis = peg_axis(world)
-    nose = sub(add(lower_end(world), scale(PEG_RADIUS_M, axis)), site_pos(world, HOLE))  # centre of its sphere
+    return depth_in(world, PEG, HOLE)
+
+
+@kernel
+def axis_of(world, peg):
+    """Unit vector along the peg of a site, world frame, from its lower to its upper end."""
+    axis = column(site_mat(world, peg), 2)
+    return scale(-1.0, axis) if axis[2] < 0.0 else axis
+
+
+@kernel
+def lower_end_of(world, peg):
+    """Tip of its nose that is lower, world frame, m."""
+    return sub(site_pos(world, peg), scale(0.5 * PEG_LENGTH_M, axis_of(world, peg)))
+
+
+@kernel
+def upper_end_of(world, peg):
+    """Tip of its nose that is higher, world frame, m."""
+    return add(site_pos(world, peg), scale(0.5 * PEG_LENGTH_M, axis_of(world, peg)))
+
+
+@kernel
+def depth_in(world, peg, hole):
+    """Length of its full width inside the bore of another site, below the chamfer, m; 0 outside."""
+    axis = axis_of(world, peg)
+    nose = sub(add(lower_end_of(world, peg), scale(PEG_RADIUS_M, axis)), site_pos(world, hole))  # centre of its sphere
     entering = sub(nose, scale(nose[2] / max(axis[2], 1e-3), axis))  # where the peg's axis enters the bore
     if max(planar_norm(nose), planar_norm(entering)) > OFF_AXIS_M or -nose[2] > DEEPEST_M:
         return 0.0

@@ -67,6 +67,13 @@ class InspectContact(Task):
     name = "inspect_contact"
     grade = "medium"
     instruction = "Press the closed gripper squarely onto the blue spot with five newtons and hold it still."
+    wordings = (
+        "Touch the blue spot squarely with the closed gripper at five newtons and keep still.",
+        "Press on the spot with five newtons.",
+        "用合拢的夹爪以五牛的力垂直压住蓝点，保持不动。",
+        "以五牛顿的力按住蓝色的点。",
+    )
+    held_out = ("Hold the closed gripper squarely on the blue spot with five newtons.", "请用五牛的力按住蓝点。")
     time_limit_s = 40.0
     dwell_s = 3.0
     subtasks = ("over_spot", "square", "touching", "at_force", "still")

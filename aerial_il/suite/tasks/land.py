@@ -54,6 +54,8 @@ class Land(Task):
     name = "land"
     grade = "easy"
     instruction = "Land softly in the middle of the pad."
+    wordings = ("Land on the pad.", "Come down on the landing pad.", "降落在停机坪上。", "落到垫子上。")
+    held_out = ("Land softly on the pad.", "请降落。")
     time_limit_s = 20.0
     dwell_s = 0.5
     needs_arm = False

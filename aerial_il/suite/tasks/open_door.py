@@ -47,6 +47,13 @@ class OpenDoor(Task):
     name = "open_door"
     grade = "medium"
     instruction = "Open the blue cabinet door by its handle."
+    wordings = (
+        "Pull the blue door open by the handle.",
+        "Open the cabinet.",
+        "拉着把手打开蓝色柜门。",
+        "把柜门打开。",
+    )
+    held_out = ("Use the handle to open the blue cabinet door.", "请打开蓝色的柜门。")
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("over_handle", "hooked", "half_open", "open")

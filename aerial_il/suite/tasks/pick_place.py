@@ -47,6 +47,13 @@ class PickPlace(Task):
     name = "pick_place"
     grade = "medium"
     instruction = "Pick up the orange cube and place it in the blue bowl."
+    wordings = (
+        "Put the orange cube into the blue bowl.",
+        "Grasp the orange cube and drop it in the bowl.",
+        "把橙色方块放进蓝色的碗里。",
+        "拿起橙色方块，放到碗中。",
+    )
+    held_out = ("Move the orange cube to the blue bowl.", "请把橙色方块放到碗里。")
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("at_cube", "grasped", "lifted", "over_bowl", "in_bowl")
@@ -62,16 +69,11 @@ class PickPlace(Task):
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
         add_table(spec)
-        add_cube(spec)
-        add_bowl(spec)
-        for side in ("left", "right"):
-            add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
-        add_touch_sensor(spec, "robot_on_cube", "cube")
+        add_cube_and_bowl(spec)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
-        workable = partial(_workable, view.robot)
-        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=workable)
+        cube, bowl = two_places(rng, AREA_LOW, AREA_HIGH, apart=APART_M, workable=partial(workable, view.robot))
         yaw = rng.uniform(-np.pi, np.pi)
         pose, _ = view.free_joint("cube")
         view.qpos[world, pose] = [*cube, TABLE_HEIGHT_M + CUBE_HALF_M, np.cos(0.5 * yaw), 0.0, 0.0, np.sin(0.5 * yaw)]
@@ -85,6 +87,15 @@ class PickPlace(Task):
             seen("tool_to_cube", "from the tool to the cube"),
             seen("cube_to_bowl", "from the cube to the bowl"),
         )
+
+
+def add_cube_and_bowl(spec: mujoco.MjSpec) -> None:
+    """Add the cube, the bowl and sensors of who touches the cube."""
+    add_cube(spec)
+    add_bowl(spec)
+    for side in ("left", "right"):
+        add_contact_sensor(spec, f"grip_{side}", geoms=(f"pad_{side}", "cube"))
+    add_touch_sensor(spec, "robot_on_cube", "cube")
 
 
 @kernel
@@ -148,8 +159,13 @@ def grasped(world):
 
 @kernel
 def cube_heading(world):
-    """Cosine and sine of four times the cube's yaw: the same for every face that could be gripped."""
-    mat = site_mat(world, CUBE)
+    return heading_of(world, CUBE)
+
+
+@kernel
+def heading_of(world, cube):
+    """Cosine and sine of four times the yaw of a cube's site: the same for every face that could be gripped."""
+    mat = site_mat(world, cube)
     length = math.sqrt(mat[0] * mat[0] + mat[3] * mat[3]) + 1e-9
     c, s = mat[0] / length, mat[3] / length
     c2, s2 = c * c - s * s, 2.0 * c * s
@@ -170,7 +186,7 @@ def in_bowl(world):
     return planar_norm(offset) <= IN_BOWL_M and LOW_IN_BOWL_M <= offset[2] <= HIGH_IN_BOWL_M
 
 
-def _workable(robot: Robot, place: np.ndarray) -> bool:
+def workable(robot: Robot, place: np.ndarray) -> bool:
     """Whether the tool can go down at a place (2,) m of the table, from as high as it travels."""
     heights = (TABLE_HEIGHT_M + 0.5 * CUBE_HALF_M, TABLE_HEIGHT_M + HEADROOM_M)
     return all(robot.reachable(np.array([*place, height]), pointing_down(0.0)) for height in heights)

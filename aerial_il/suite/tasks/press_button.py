@@ -55,6 +55,8 @@ class PressButton(Task):
     name = "press_button"
     grade = "easy"
     instruction = "Press the red button gently and keep it pressed."
+    wordings = ("Push the red button down.", "Press the button on the pedestal.", "按下红色按钮。", "把按钮按下去。")
+    held_out = ("Press down the red button.", "请按红色的按钮。")
     time_limit_s = 20.0
     dwell_s = 0.3
     subtasks = ("at_button", "touched", "half_pressed", "pressed", "gentle")

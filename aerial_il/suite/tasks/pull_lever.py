@@ -49,6 +49,13 @@ class PullLever(Task):
     name = "pull_lever"
     grade = "medium"
     instruction = "Hook the orange bar from behind and pull the lever over to the green pin."
+    wordings = (
+        "Pull the lever to the green pin by its orange bar.",
+        "Hook the bar of the lever and pull it over.",
+        "钩住橙色横杆，把拉杆拉到绿色销处。",
+        "把拉杆拉过来。",
+    )
+    held_out = ("Pull the orange bar until the lever is at the green pin.", "请拉下拉杆。")
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("behind_bar", "hooked", "half_way", "pulled")

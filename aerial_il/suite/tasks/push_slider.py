@@ -38,6 +38,13 @@ class PushSlider(Task):
     name = "push_slider"
     grade = "easy"
     instruction = "Push the orange handle along its rail to the green end."
+    wordings = (
+        "Slide the orange handle to the green end of the rail.",
+        "Push the handle along the rail, all the way.",
+        "把橙色手柄沿导轨推到绿色的一端。",
+        "把手柄推到头。",
+    )
+    held_out = ("Move the orange handle along its rail to the green end.", "请把手柄推到绿色的一端。")
     time_limit_s = 25.0
     dwell_s = 0.5
     subtasks = ("at_handle", "moving", "half_way", "at_end")

@@ -50,6 +50,13 @@ class Reach(Task):
     name = "reach"
     grade = "easy"
     instruction = "Bring the gripper to the marked pose and hold it there."
+    wordings = (
+        "Move the gripper to the marked pose.",
+        "Reach the marked pose and hold it.",
+        "把夹爪移到标记的位姿并保持。",
+        "让夹爪到达标记处。",
+    )
+    held_out = ("Take the gripper to the marked pose and keep it there.", "请将夹爪移到标记的位姿。")
     time_limit_s = 20.0
     dwell_s = 1.0
     subtasks = ("within_10_cm", "at_position", "at_orientation")

@@ -50,6 +50,13 @@ class RotateValve(Task):
     name = "rotate_valve"
     grade = "medium"
     instruction = "Turn the red handwheel anticlockwise until its yellow spoke is over the green mark."
+    wordings = (
+        "Turn the red handwheel by half a turn.",
+        "Rotate the valve until the yellow spoke meets the green mark.",
+        "逆时针转动红色手轮，直到黄色辐条对准绿色标记。",
+        "把阀门转半圈。",
+    )
+    held_out = ("Turn the red handwheel until its yellow spoke is at the green mark.", "请把红色手轮转到绿色标记处。")
     time_limit_s = 30.0
     dwell_s = 0.5
     subtasks = ("over_gap", "between_spokes", "half_way", "open")

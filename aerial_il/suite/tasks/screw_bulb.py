@@ -56,6 +56,16 @@ class ScrewBulb(Task):
     name = "screw_bulb"
     grade = "hard"
     instruction = "Grip the bulb by its flats and screw it into the socket, two turns clockwise."
+    wordings = (
+        "Screw the bulb into its socket by two turns.",
+        "Turn the bulb clockwise until it is all the way in.",
+        "把灯泡拧进灯座，转两圈。",
+        "顺时针旋转灯泡，直到拧紧。",
+    )
+    held_out = (
+        "Turn the bulb by two turns into the socket.",
+        "请把灯泡拧到底。",
+    )
     time_limit_s = 60.0
     dwell_s = 0.5
     subtasks = ("at_bulb", "gripped", "half_turn", "one_turn", "two_turns")

@@ -27,6 +27,13 @@ class TakeOff(hover.Hover):
 
     name = "take_off"
     instruction = "Take off, hover at the marked point and face along the arrow."
+    wordings = (
+        "Take off and hover at the marked point.",
+        "Fly up and hover, facing along the arrow.",
+        "起飞，在标记点悬停，机头沿箭头方向。",
+        "起飞并悬停。",
+    )
+    held_out = ("Take off, then hover at the mark.", "请起飞。")
     scene_height_m = 0.5
 
     def own_infeasibility(self, robot: Robot) -> str | None:

@@ -19,6 +19,7 @@ from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
+from aerial_il.suite.physics.episode_state import MAX_OBJECTS, PAST_SIZE
 from aerial_il.suite.physics.world import Names
 
 if TYPE_CHECKING:
@@ -64,7 +65,8 @@ class Task(ABC):
 
     Attributes:
         name: registry name. grade: difficulty.
-        instruction: the task in one English sentence.
+        instruction: the task in one English sentence. wordings: others of it, English and Chinese, to learn from.
+        held_out: wordings that nothing learns from, to be told in flight.
         time_limit_s: seconds until an episode is truncated.
         dwell_s: seconds for which it must be solved for success.
         subtasks: names of its flags. once_lost: those of them whose loss no later deed makes good.
@@ -78,12 +80,17 @@ class Task(ABC):
         privileged: fields that no real robot has, each with the reason.
         goal: which fields hold what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
-        scene_height_m: of the point that the camera ``scene`` looks at.
+        sight: objects that are seen, and numbers of what moves of them (7 a site, 2 a joint), of a task that has more
+            of either than the fixed layout of an episode's memory holds.
+        scene_height_m: of the point that the camera ``scene`` looks at. scene_distance: how far off that camera is, in
+            units of what suits a table.
     """
 
     name: ClassVar[str]
     grade: ClassVar[Grade]
     instruction: ClassVar[str]
+    wordings: ClassVar[tuple[str, ...]] = ()
+    held_out: ClassVar[tuple[str, ...]] = ()
     time_limit_s: ClassVar[float]
     dwell_s: ClassVar[float]
     subtasks: ClassVar[tuple[str, ...]]
@@ -96,7 +103,9 @@ class Task(ABC):
     commanded: ClassVar[tuple[str, ...]] = ()
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
+    sight: ClassVar[tuple[int, int]] = (MAX_OBJECTS, PAST_SIZE)
     scene_height_m: ClassVar[float] = 0.9
+    scene_distance: ClassVar[float] = 1.0
 
     def __init__(self, kernels: TaskKernels) -> None:
         self.kernels = kernels

@@ -46,6 +46,13 @@ class Track(Task):
     name = "track"
     grade = "easy"
     instruction = "Follow the moving green ball closely for one full lap."
+    wordings = (
+        "Follow the green ball with the gripper.",
+        "Stay close to the moving ball for one lap.",
+        "跟着移动的绿球走完一圈。",
+        "紧跟绿球。",
+    )
+    held_out = ("Keep the gripper at the moving green ball.", "请跟踪绿色的球。")
     time_limit_s = 45.0
     dwell_s = 0.1
     subtasks = ("within_10_cm", "on_target", "quarter_lap", "half_lap", "full_lap")

@@ -73,6 +73,16 @@ class WipeWindow(Task):
     name = "wipe_window"
     grade = "hard"
     instruction = "Wipe the brown dirt off the window with the closed gripper, pressing with five newtons."
+    wordings = (
+        "Wipe the dirt off the pane with five newtons.",
+        "Clean the window pane with the closed gripper.",
+        "用合拢的夹爪以五牛的力擦净窗玻璃。",
+        "把窗户上的污渍擦掉。",
+    )
+    held_out = (
+        "Wipe the dirty pane clean.",
+        "请擦干净窗户。",
+    )
     time_limit_s = 60.0
     dwell_s = 0.5
     subtasks = ("at_dirt", "touching", "at_force", "half_wiped", "wiped")

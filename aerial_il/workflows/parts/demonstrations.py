@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice, zip_longest
 
@@ -13,6 +13,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.joined import Joined
 from aerial_il.data.latency import with_latency
 from aerial_il.data.reading import AS_IT_SAYS, Reading
+from aerial_il.policies.parts.language import in_words
 
 log = logging.getLogger(__name__)
 
@@ -24,6 +25,7 @@ def open_demonstrations(
     others: Sequence[str] = (),
     weights: Sequence[float] = (),
     latency_ms: float | None = None,
+    language: bool = False,
     images: Sequence[str] = (),
     failures: bool = False,
     states: bool = False,
@@ -35,6 +37,7 @@ def open_demonstrations(
         path: of the dataset. limit: how many successful episodes to take, or None for all episodes.
         others: paths of further datasets, without a limit. weights: the share of each of them.
         latency_ms: that episodes are shifted to, or None, see :mod:`aerial_il.data.latency`.
+        language: whether they say in words what they do, see :mod:`aerial_il.policies.parts.language`.
         images: fields to decode. failures: whether failed flights are learned from too.
         states: whether the simulator's states are wanted, for demonstrations that are recorded once more.
         reading: answers to what the format does not say.
@@ -45,12 +48,16 @@ def open_demonstrations(
     """
     wanted = {"images": images, "failures": failures, "states": states, "reading": reading}
     if others:
-        return Joined([_open_all(each, **wanted) for each in (path, *others)], weights)
+        opened = [_open_all(each, **wanted) for each in (path, *others)]
+        return Joined([each.mapped(in_words) for each in opened] if language else opened, weights)
     episodes = _open_all(path, **wanted) if limit is None else _open_some(path, limit, **wanted)
-    if latency_ms is None:
-        return episodes
-    shifted = partial(with_latency, latency_ms=latency_ms)
-    return episodes.mapped(shifted) if isinstance(episodes, Dataset) else [shifted(each) for each in episodes]
+    if latency_ms is not None:
+        episodes = _changed(episodes, partial(with_latency, latency_ms=latency_ms))
+    return _changed(episodes, in_words) if language else episodes
+
+
+def _changed(episodes: Iterable[Episode], change: Callable[[Episode], Episode]) -> Iterable[Episode]:
+    return episodes.mapped(change) if isinstance(episodes, Dataset) else [change(each) for each in episodes]
 
 
 def _open_some(

@@ -56,7 +56,7 @@ def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     episodes = demonstrations.open_demonstrations(
         path,
         limit=said.get("episodes"),
-        **{name: said[name] for name in ("others", "weights", "latency_ms") if name in said},
+        **{name: said[name] for name in ("others", "weights", "latency_ms", "language") if name in said},
         images=policy.images,
         failures=algorithm.failures,
         reading=Reading(**said.get("reading", {})),

@@ -19,6 +19,7 @@ from aerial_il.suite.episode.simulation import STATE_OFFSET
 from aerial_il.suite.physics import episode_state
 from aerial_il.suite.physics.world import Names
 from aerial_il.suite.scenario import Scenario
+from aerial_il.suite.tasks.pick_place import PickPlace
 from aerial_il.suite.tasks.track import Track
 from aerial_il.suite.tiers import Tier
 from tests.contract.registered import SAMPLE, hold_actions, random_actions
@@ -28,6 +29,7 @@ DECLARED = Estimation()
 NO_ERROR = Estimation(0.0, 0.0, 0.0, 0.0, 0.0, force_bias=0.0, force_noise=0.0, lag=0)
 ENCODERS = {"joint_pos", "joint_vel", "gripper"}
 MARKED = {"lap", "peak_force", "slip"}  # of which the page says that no robot has them; zero at the start
+COUNTED = {"turn", "is_in"}  # told apart without a measure: exact in every tier
 type Load = Callable[..., BatchEnvironment]
 
 
@@ -189,7 +191,7 @@ def test_nothing_that_is_seen_is_the_truth(robot: str, task: str) -> None:
     known = {name for name in same if name.startswith(tuple(f"{commanded}_" for commanded in about.commanded))}
     if seen.simulation.robot.fixed:
         known |= {name for name in same if name.startswith("ee_") or name == "tool_to_target"}
-    assert same <= ENCODERS | MARKED | known
+    assert same <= ENCODERS | MARKED | COUNTED | known
     assert MARKED & same <= {name for name, _ in about.privileged}
 
 
@@ -250,13 +252,50 @@ def test_a_task_must_say_what_its_mocap_bodies_are(monkeypatch: pytest.MonkeyPat
 
 
 def test_more_objects_than_the_memory_holds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(episode_state, "MAX_OBJECTS", 1)
-    with pytest.raises(InvalidValueError, match="pick_place shows 2 objects; at most 1"):
+    monkeypatch.setattr(PickPlace, "sight", (1, 14))
+    with pytest.raises(InvalidValueError, match="pick_place shows 2 objects, its `sight` says 1: say as many, 6 at"):
         aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts")
-    monkeypatch.undo()
-    monkeypatch.setattr(episode_state, "PAST_SIZE", 6)
+    monkeypatch.setattr(PickPlace, "sight", (4, 6))
     with pytest.raises(InvalidValueError, match="take 7 numbers, and an estimate holds 6"):
         aerial_il.load_batch(ROBOT, "pick_place", num_envs=1, tier="gusts")
+
+
+def test_a_task_that_shows_more_has_its_memory_behind_the_layout() -> None:
+    """What six objects of three that move show is late and wrong by the declared errors, and no two by the same."""
+    worlds = aerial_il.load_batch(ROBOT, "sort_pegs", num_envs=200, tier="hard-payload-wind", num_threads=1)
+    obs, view = worlds.reset(0), worlds.simulation.view
+    assert worlds.model.nuserdata == worlds.simulation.scenario.tier.userdata_size + 6 * 6 + 4 * 21
+    names = [f"{what}_{colour}" for what in ("peg", "hole") for colour in ("red", "green", "blue")]
+    shown = ["red_peg_pos", "green_peg_pos", "blue_peg_pos", "red_hole_pos", "green_hole_pos", "blue_hole_pos"]
+    wrong = np.array([obs[key] - view.site_pos(name) for key, name in zip(shown, names, strict=True)])
+    part = tiers.get("hard").parts["estimation"]
+    assert isinstance(part, Estimation)
+    expected = np.sqrt(part.frame_bias**2 + part.position_bias**2 + part.position_noise**2)
+    np.testing.assert_allclose(wrong.std(axis=(1, 2)), expected, rtol=0.15)
+    own = wrong - wrong.mean(axis=0)
+    assert np.abs(np.corrcoef(own.reshape(6, -1)) + 0.2 - 1.2 * np.eye(6)).max() < 0.15, "each has an error of its own"
+    pose, _ = view.free_joint("peg_red")
+    hover = np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((200, 1))], axis=1)
+    view.qpos[:, pose.start + 2] += 0.2
+    obs = worlds.step(hover).obs
+    assert obs["red_peg_pos"][:, 2].mean() < 0.5, "it is seen where it was"
+    for _ in range(part.lag):
+        obs = worlds.step(hover).obs
+    assert obs["red_peg_pos"][:, 2].mean() > 0.55
+
+
+def test_a_state_with_more_memory_continues_bit_for_bit() -> None:
+    first, second = (aerial_il.load_batch(ROBOT, "restock", num_envs=2, tier="hard") for _ in range(2))
+    obs = first.reset(3)
+    second.reset(9)
+    hover = np.concatenate([obs["ee_pos"], obs["ee_rot6d"], np.ones((2, 1))], axis=1)
+    for _ in range(7):
+        first.step(hover)
+    second.set_state(first.get_state())
+    for _ in range(7):
+        one, other = first.step(hover).obs, second.step(hover).obs
+        for name in one:
+            np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 @pytest.mark.parametrize(

@@ -3,10 +3,13 @@
 Interrupted, the same command continues: finished flights are kept. A result of something else in the folder is
 refused, a finished one is not flown again. The result does not depend on num_envs. Robot, task and action level, or the
 environment from outside, are the policy's own unless they are given. An environment from outside is flown over its
-whole horizon. The folder of a sweep of runs is evaluated run by run, and ranked in one table.
+whole horizon. The folder of a sweep of runs is evaluated run by run, and ranked in one table. With conditions each
+flight is compared with its undisturbed twin, of the same seed, in one table and on one page.
 
 Example: aerial-il evaluate policy=runs/pick_bc tier=gusts out=runs/pick_bc/gusts
 Example: aerial-il evaluate policy=expert robot=fa_hexa_arm4 task=reach out=evaluations/expert_reach
+Example: aerial-il evaluate policy=runs/pick_bc conditions=[gusts,wind=2,latency=3,motors=0.85] out=runs/pick_bc/lab
+Example: aerial-il evaluate again=runs/pick_bc/gusts out=runs/pick_bc/gusts_again
 Example: aerial-il evaluate policy=my_pilot:make robot=quad task=hover out=evaluations/mine
 Example: aerial-il evaluate policy=runs/sweep out=evaluations/sweep
 Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=return:475 out=runs/cart/evaluation
@@ -14,20 +17,107 @@ Example: aerial-il evaluate policy=runs/cart env=gymnasium:CartPole-v1 success=r
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.evaluate import Evaluate, evaluate, runs_of
+
+if TYPE_CHECKING:
+    from aerial_il.evaluation.laboratory import Laboratory, Row
+    from aerial_il.evaluation.result import EvaluationResult
+    from aerial_il.workflows.evaluate import Evaluated
+    from aerial_il.workflows.laboratory import Planned
 
 SETTINGS, OUTPUT = Evaluate, "out"
 
 
 def run(settings: Evaluate) -> None:
-    """Evaluate, and print the headline; of several runs, their ranking."""
-    every = runs_of(settings)
+    """Evaluate, and print the headline; of several runs, their ranking; of conditions, what they cost."""
+    if settings.again is not None:
+        _again(settings, settings.again)
+    elif settings.conditions:
+        _under_conditions(settings)
+    else:
+        _evaluate(runs_of(settings))
+
+
+def _evaluate(every: Sequence[Evaluate]) -> None:
     for each in every:
         _judge(each)
     if len(every) > 1:
         together([each.out for each in every])
+
+
+def _under_conditions(settings: Evaluate) -> None:
+    from aerial_il.cli.tables import table, wrapped
+    from aerial_il.workflows.laboratory import laboratory
+
+    def headline(one: Planned, made: Evaluated) -> None:
+        print(f"{one.settings.policy}, {one.condition.label}: success {made.result.headline()}")
+
+    found, page = laboratory(settings, each=headline)
+    print(f"\n{table([_row(found, row) for row in found.rows])}\n{wrapped(found.note)}\nPage: {page}")
+
+
+def _row(found: Laboratory, row: Row) -> dict[str, str]:
+    """Return what one method does under one condition, as texts."""
+    several = {
+        name: getattr(row, name) for name in ("method", "task") if len({getattr(r, name) for r in found.rows}) > 1
+    }
+    low, high = (100 * end for end in row.ci95)
+    text = {**several, "condition": row.condition, "success": f"{100 * row.rate:.1f} % ({low:.1f} to {high:.1f})"}
+    if row.difference_ci95 is None:
+        text |= {"difference": "", "p": ""}
+    else:
+        less, more = (100 * end for end in row.difference_ci95)
+        text |= {
+            "difference": f"{100 * row.difference:+.1f} ({less:+.1f} to {more:+.1f})",
+            "p": f"{row.p_adjusted:.2g}",
+        }
+    kind = next(iter(row.failures), "")
+    return {**text, "most frequent failure": f"{kind} ({row.failures[kind]})" if kind else ""}
+
+
+OF_THE_REPETITION = ("again", "out", "num_envs", "threads", "overwrite", "videos", "rerun", "progress")
+
+
+def _again(settings: Evaluate, place: str) -> None:
+    """Repeat an evaluation by the command in its provenance, and say which flights ended otherwise."""
+    from aerial_il.cli import commands, compose
+    from aerial_il.evaluation.result import load_result
+    from aerial_il.workflows.spelling import words_of
+
+    if other := words_of(settings, without=OF_THE_REPETITION):
+        raise InvalidValueError(f"again={place} repeats what was flown there: leave out {' '.join(other)}.")
+    before = load_result(place)
+    typed = shlex.split(str(before.provenance.get("command", "")))
+    if typed[:2] != ["aerial-il", "evaluate"]:
+        raise InvalidValueError(f"{place} does not say by which command it was evaluated: repeat it by hand.")
+    earlier = compose.compose(commands.find("evaluate"), typed[2:])
+    own = {name: getattr(settings, name) for name in OF_THE_REPETITION if name != "again"}
+    made = evaluate(replace(earlier, **own))
+    print(f"{before.policy}: success {made.result.headline()}, {before.headline()} before")
+    print(_repeated(before, made.result))
+
+
+def _repeated(before: EvaluationResult, now: EvaluationResult) -> str:
+    """Say how many flights are the same in all their numbers, and what may explain those that are not."""
+    pairs = list(zip(before.episodes, now.episodes, strict=True))
+    differing = [old.seed for old, new in pairs if old != new]
+    equal = f"{len(pairs) - len(differing)} of {len(pairs)} flights are equal in all their numbers."
+    if not differing:
+        return equal
+    named = {
+        key: (before.provenance.get(key), now.provenance.get(key)) for key in ("policy_sha256", "engine", "packages")
+    }
+    changed = [f"{key} {old} != {new}" for key, (old, new) in named.items() if old != new]
+    shown = ", ".join(map(str, differing[:5])) + (", ..." if len(differing) > 5 else "")
+    return (
+        f"{equal} Seeds that differ: {shown}. What differs besides: {'; '.join(changed) or 'nothing that is recorded'}."
+    )
 
 
 def together(folders: Sequence[str]) -> None:

@@ -20,6 +20,7 @@ from aerial_il.data.formats.parts.lerobot.files import REBUILD, check_lerobot, p
 from aerial_il.data.formats.parts.lerobot.identity import UID, declared_spec, distinct
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
 from aerial_il.data.formats.parts.lerobot.videos import camera_fields, clip_of, field_name, read_clip, read_stills
+from aerial_il.data.provenance import INSTRUCTION
 from aerial_il.data.source import Later, Raw, Rows, Source
 
 SERIES = {  # column -> what it is
@@ -69,12 +70,13 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     origins = {entry["uid"]: entry for entry in ours["episodes"]}
+    several = len(_texts(told)) > 1
     raw, filters, splits = dict[str, Callable[[], Raw]](), dict[str, list[str]](), _splits(info)
     for start, end in zip(starts.tolist(), [*starts[1:].tolist(), len(index)], strict=True):
         rows, number = table.slice(start, end - start), int(index[start])
         uid = rows[UID][0].as_py() if UID in columns else f"episode_{number:06d}"
-        origin, uid = origins.get(uid, {}), distinct(raw, uid)
         row = _row(told, number)
+        origin, uid = origins.get(uid) or _of_its_own(row, several=several), distinct(raw, uid)
         pictures = {f.name: _pictures(path, info, row, number, rows, f) for f in camera_fields(features)}
         raw[uid] = partial(_raw, path, rows, spec, origin, pictures, shapes, row.get("length"))
         for name in (name for name, part in splits.items() if number in part):
@@ -90,7 +92,7 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
         labels={name: found for name in (*vectors, ACTION) if (found := _labels(features.get(name, {})))},
         groups=vectors,
         filters=filters if len(splits) > 1 else {},
-        unread=() if UID in columns else tuple(_left(info, told)),
+        unread=() if UID in columns else tuple(_left(info)),
     )
 
 
@@ -146,9 +148,15 @@ def _row(told: pa.Table, episode: int) -> dict[str, Any]:
 
 
 def _instruction(told: pa.Table) -> str:
-    """Return the task text that all episodes share, empty where they differ: a policy is of one instruction."""
+    """Return the task text that all episodes share, empty where they differ."""
     texts = _texts(told)
     return str(texts.pop()) if len(texts) == 1 else ""
+
+
+def _of_its_own(row: Mapping[str, Any], *, several: bool) -> dict[str, Any]:
+    """Return what is known of a foreign episode alone: its task text, where a dataset has several."""
+    text = " ".join(map(str, row.get("tasks") or ())) if several else ""
+    return {"provenance": {"policy": UNKNOWN, INSTRUCTION: text}} if text else {}
 
 
 def _texts(told: pa.Table) -> set[Any]:
@@ -158,14 +166,12 @@ def _texts(told: pa.Table) -> set[Any]:
     return {text for chunk in told["tasks"].chunks for text in chunk.flatten().unique().to_pylist()}
 
 
-def _left(info: Mapping[str, Any], told: pa.Table) -> Iterator[str]:
-    """Yield what a foreign dataset holds and is not read: depth, texts, and task texts that differ."""
+def _left(info: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what a foreign dataset holds and is not read: depth, and texts."""
     read = {field.name for field in camera_fields(info["features"])}
     for name, feature in sorted(info["features"].items()):
         if name.startswith("observation.") and not _is_vector(name, info["features"]) and field_name(name) not in read:
             yield f"{name} ({feature.get('dtype')})"
-    if (count := len(_texts(told))) > 1:
-        yield f"{count} task texts, as a policy has one instruction"
 
 
 def _labels(feature: Mapping[str, Any]) -> tuple[str, ...]:

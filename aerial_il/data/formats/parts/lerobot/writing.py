@@ -118,7 +118,7 @@ def write_states(root: Path, spec: EnvSpec, episodes: Iterable[Episode]) -> None
     dataset = StateWriter(root, **_described(spec), features=features_of(spec, ()))
     try:
         for episode in episodes:
-            dataset.add(columns_of(episode), episode.spec.instruction)
+            dataset.add(columns_of(episode), episode.instruction)
     finally:
         dataset.close()
 
@@ -211,7 +211,7 @@ def frames_of(episode: Episode, cameras: Sequence[str]) -> Iterator[dict[str, An
         yield {
             **{key: values[t] if key == UID else np.array(values[t], ndmin=1) for key, values in columns.items()},
             **{image_key(name): episode.obs[name][t].copy() for name in cameras},
-            "task": episode.spec.instruction,
+            "task": episode.instruction,
         }
 
 

@@ -1,0 +1,31 @@
+"""Instructions as numbers: wordings of one task lie nearer to each other than to those of other tasks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from aerial_il.core import language
+from aerial_il.suite import tasks
+
+
+def test_numbers_depend_on_the_words_alone() -> None:
+    one = language.embedded("Press the RED button!")
+    np.testing.assert_array_equal(one, language.embedded("press the red  button"))
+    assert one.shape == (language.SIZE,)
+    assert np.linalg.norm(one) == pytest.approx(1.0)
+    assert not language.embedded("...").any()
+    assert language.tokens("把 Cube-2 放进碗里") == ["cube", "2", "放", "进", "碗", "里"]
+
+
+@pytest.mark.parametrize("task", tasks.names())
+def test_wordings_that_are_held_out_are_recognised(task: str) -> None:
+    """The nearest wording that is learned from is one of the same task, in both languages."""
+    known = {text: name for name in tasks.names() for text in (tasks.get(name).instruction, *tasks.get(name).wordings)}
+    own = tasks.get(task)
+    assert len(own.wordings) >= 4
+    assert len(own.held_out) >= 2
+    assert not {*own.held_out} & {*known}
+    for text in own.held_out:
+        near = max(known, key=lambda each: float(language.embedded(each) @ language.embedded(text)))
+        assert known[near] == task, (text, near)
