@@ -20,14 +20,16 @@ LOST_COS = np.cos(np.deg2rad(25.0))  # so far off square, or over the edge of th
 CLEAR_M = 0.03  # of the fingertips over the pane: from there they may travel along it
 ALIGNED_M, ALIGNED_COS = 0.03, np.cos(np.deg2rad(12.0))  # off the patch and off square when it may touch the pane
 STROKE_M = 0.02  # how far ahead of themselves the fingertips are sent along the pane, with the right force
+PASSED_M = 0.012  # off the middle of a patch: nearer, they slide on over it
 SLOW = 0.3  # share of that with a wrong one
-AIM_N = 5.0  # the loop has no integral part, so that it depends on the present alone
+AIM_N = 5.2  # the loop has no integral part, so that it depends on the present alone
 TURN_RAD = 0.3  # the tool is turned at most this far ahead: else a long arm runs into its joints' stops
 COMPLIANCE_M_N = 0.008  # of the admittance: depth added per newton that is missing
 NOISE_WHILE_WIPING = 0.2
 
 normal_force, wiped_share = measured.number(wipe_window.normal_force), measured.number(wipe_window.wiped_share)
 tip_on_pane, tip_to_dirt = measured.vector(wipe_window.tip_on_pane), measured.vector(wipe_window.tip_to_dirt)
+ahead_of_trail = measured.vector(wipe_window.ahead_of_trail)
 in_touch = measured.truth(wipe_window.in_touch)
 
 
@@ -62,7 +64,7 @@ class WipeWindowExpert(Expert):
         missing = np.where(touching, AIM_N - force, 0.0)
         depth = np.where(self.phase == WIPE, sprung + COMPLIANCE_M_N * missing, -STAND_OFF_M) - travel
         along = self._along_pane()
-        stroke = along / np.maximum(length(along), 1e-6)[:, None] * self._stroke(touching, force)[:, None]
+        stroke = self._way(along) * self._stroke(touching, force)[:, None]
         height = tip_on_pane(view)[:, 2]
         away = np.where((height >= CLEAR_M)[:, None], along, 0.0)
         sideways = np.where((self.phase == WIPE)[:, None], stroke, away)
@@ -77,6 +79,11 @@ class WipeWindowExpert(Expert):
         """(n,) how far ahead to slide, m: not before there is contact, slowly while the force is wrong."""
         right = np.abs(force - FORCE_N) <= 0.8 * FORCE_TOLERANCE_N
         return np.where(touching, STROKE_M * np.where(right, 1.0, SLOW), 0.0)
+
+    def _way(self, along: np.ndarray) -> np.ndarray:
+        """(n, 3) unit vectors to slide along: to a patch ``along`` (n, 3) m away; over its middle, on as before."""
+        way = np.where((length(along) < PASSED_M)[:, None], ahead_of_trail(self.view), along)
+        return way / np.maximum(length(way), 1e-6)[:, None]
 
     def _along_pane(self) -> np.ndarray:
         """(n, 3) the way to the nearest patch along the pane, world, m."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from aerial_il.robots.parts.collision import FIXTURE, WORLD
+from aerial_il.robots.parts.collision import FIXTURE, NOTHING, WORLD
 from aerial_il.suite.props.contact import GRASPABLE, HARD, STICTION
 from aerial_il.suite.props.post import GREY, add_post
 
@@ -46,6 +46,10 @@ def add_bulb(spec: mujoco.MjSpec) -> None:
     cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
     disc = {"pos": [0, 0, -0.002], "size": [0.008, 0.002, 0], "mass": 0.005, "rgba": BRASS}
     contact.add_geom(name="socket_contact", type=cylinder, **disc, **WORLD, **HARD)
+    for name, size in (("x", [0.042, 0.004, 0.002]), ("y", [0.004, 0.042, 0.002])):  # what is seen of it
+        contact.add_geom(
+            name=f"socket_terminal_{name}", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, mass=0, rgba=BRASS, **NOTHING
+        )
     bulb = socket.add_body(name="bulb")
     bulb.add_joint(name="bulb_travel", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, -1], armature=0.5)
     bulb.add_joint(

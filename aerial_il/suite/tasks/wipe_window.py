@@ -29,9 +29,10 @@ from aerial_il.suite.physics.world import (
     tip_pos,
     untouched,
 )
+from aerial_il.suite.props.dirt import CELLS, COLUMNS, PATCHES, cell_middle, connected_shape, count, without_cells_near
 from aerial_il.suite.props.place import place
-from aerial_il.suite.props.window import COLUMNS, PANE_HALF_M, PATCHES, PITCH_M, ROWS, TRAVEL_M, add_window
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.props.window import PANE_HALF_M, add_window
+from aerial_il.suite.tasks.fields import EXACT, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S, SUBSTEPS
 
@@ -44,9 +45,8 @@ ON_PANE_M = 0.02  # of the fingertips from the face
 CLOSED_SHARE = 0.2  # of its stroke
 TOUCH_N = 0.5  # normal force at which contact begins and ends
 WINDOW_LOW, WINDOW_HIGH = np.array([0.20, -0.20, 0.75]), np.array([0.40, 0.20, 0.90])
-TILT_RANGE_RAD, YAW_RANGE_RAD = (0.9, 1.2), (-0.4, 0.4)
-START_LOW, START_HIGH = np.array([-0.6, -0.3, 1.1]), np.array([-0.4, 0.3, 1.3])
-CELLS = ROWS * COLUMNS
+TILT_RANGE_RAD, YAW_RANGE_RAD = (0.9, 1.2), (-0.7, 0.1)  # seen from behind, but never edge on
+START_LOW, START_HIGH = np.array([-0.75, -0.25, 1.1]), np.array([-0.55, 0.25, 1.3])
 DIRTY, LEFT, BROKEN, TOUCHED = range(4)  # in the task's state: cells with dirt, as bits, at the start and now; flags
 TRAIL, PRESSED, IN_BAND = 4, 6, 7  # point that trails the fingertips, m (2); physics steps in contact, in the band
 TRAIL_SHARE = 1.0 - math.exp(-CONTROL_DT_S / SLIDING_S)
@@ -67,7 +67,7 @@ class WipeWindow(Task):
 
     A sample above 15 N breaks the pane: the episode ends as dropped. The patches are squares of 4 cm, a random
     connected shape of 14 on a grid of 4 by 11. The pane is tilted by 52° to 69° towards the robot, sprung (it yields by
-    7 mm per newton) and wet.
+    7 mm per newton) and without friction, as soaped glass nearly is.
     """
 
     name = "wipe_window"
@@ -108,8 +108,8 @@ class WipeWindow(Task):
         place(view, world, "window", pos, yaw=yaw, pitch=-tilt)
         c, s, ct, st = np.cos(yaw), np.sin(yaw), np.cos(tilt), np.sin(tilt)
         up, across, out = np.array([c * ct, s * ct, st]), np.array([-s, c, 0.0]), np.array([-c * st, -s * st, ct])
-        place(view, world, "window_stand", pos - (TRAVEL_M + 0.04) * out)
-        cells = _connected_shape(rng)
+        place(view, world, "window_stand", pos - (PANE_HALF_M[0] + 0.02) * up - 0.02 * out)
+        cells = connected_shape(rng)
         for k, cell in enumerate(cells):
             x, y = cell_middle(cell)
             there = pos + x * up + y * across - PANE_HALF_M[2] * out
@@ -123,8 +123,16 @@ class WipeWindow(Task):
             seen("pane_rot6d", "first two columns of the pane's rotation", 6, unit="", frame="world from pane"),
             seen("tip_on_pane", "fingertips from the middle of the pane", frame="pane: up, across, out"),
             seen("tip_to_dirt", "from the fingertips to the nearest patch of dirt; zero when there is none"),
-            seen("dirt", "1 where dirt is left, row by row from below", CELLS, unit="", frame="pane", labels=cells),
-            seen("wiped_share", "share of the dirt that has been wiped off", 1, unit="", frame=""),
+            seen(
+                "dirt",
+                "1 where dirt is left, row by row from below",
+                CELLS,
+                unit="",
+                frame="pane",
+                labels=cells,
+                noise=EXACT,
+            ),
+            seen("wiped", "share of the dirt that has been wiped off", 1, unit="", labels=("share",), noise=EXACT),
             felt("tool_force", "contact force of the gripper on other things", real=False),
             felt("normal_force", "force of the whole robot on the pane", 1, frame="along its normal", real=False),
         )
@@ -151,7 +159,7 @@ def remember(world):
         state[TRAIL], state[TRAIL + 1] = tip[0], tip[1]
     ahead_x, ahead_y = tip[0] - state[TRAIL], tip[1] - state[TRAIL + 1]
     if math.hypot(ahead_x, ahead_y) >= SLIDING_M_S * SLIDING_S and wiping(world):
-        state[LEFT] = without_cells_near(int(state[LEFT]), tip)
+        state[LEFT] = without_cells_near(int(state[LEFT]), tip, WIPED_M)
     state[TRAIL] += TRAIL_SHARE * ahead_x
     state[TRAIL + 1] += TRAIL_SHARE * ahead_y
     state[TOUCHED] = 1.0 if felt else 0.0
@@ -259,6 +267,13 @@ def tip_on_pane(world):
 
 
 @kernel
+def ahead_of_trail(world):
+    """Fingertips from the point that trails them on the pane, world frame, m: along the way that they slide."""
+    state, tip = task_state(world), tip_on_pane(world)
+    return rotate(site_mat(world, PANE), (tip[0] - state[TRAIL], tip[1] - state[TRAIL + 1], 0.0))
+
+
+@kernel
 def tip_to_dirt(world):
     """From the fingertips to the middle of the nearest patch that is left, world frame, m; zero if there is none."""
     left, tip = int(task_state(world)[LEFT]), tip_on_pane(world)
@@ -276,45 +291,6 @@ def tip_to_dirt(world):
 def wiped_share(world):
     """Share of the dirt that has been wiped off."""
     return 1.0 - count(int(task_state(world)[LEFT])) / PATCHES
-
-
-@kernel
-def without_cells_near(left, tip):
-    """Bits of the cells with dirt that are left after the fingertips have passed ``tip``, m on the pane."""
-    for cell in range(CELLS):
-        x, y = cell_middle(cell)
-        if left >> cell & 1 and math.hypot(x - tip[0], y - tip[1]) <= WIPED_M:
-            left -= 1 << cell
-    return left
-
-
-@kernel
-def cell_middle(cell):
-    """Middle of a cell of the grid, up the pane and across it, m."""
-    return (cell // COLUMNS - 0.5 * (ROWS - 1)) * PITCH_M, (cell % COLUMNS - 0.5 * (COLUMNS - 1)) * PITCH_M
-
-
-@kernel
-def count(bits):
-    """Number of bits that are set."""
-    number = 0
-    while bits > 0:
-        number += bits & 1
-        bits >>= 1
-    return number
-
-
-def _connected_shape(rng: np.random.Generator) -> list[int]:
-    """Cells of a random connected shape of ``PATCHES``, in ascending order."""
-    shape = [int(rng.integers(CELLS))]
-    while len(shape) < PATCHES:
-        row, column_ = divmod(shape[rng.integers(len(shape))], COLUMNS)
-        down, right = ((0, 1), (0, -1), (1, 0), (-1, 0))[rng.integers(4)]
-        row, column_ = row + down, column_ + right
-        cell = row * COLUMNS + column_
-        if 0 <= row < ROWS and 0 <= column_ < COLUMNS and cell not in shape:
-            shape.append(cell)
-    return sorted(shape)
 
 
 TASK = WipeWindow(
