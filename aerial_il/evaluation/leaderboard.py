@@ -177,10 +177,10 @@ def _text(parts: Any) -> str:
 def _standing(robot: str, task: str, tier: str, method: str, results: Sequence[EvaluationResult]) -> Standing:
     won = [np.array([episode.success for episode in result.episodes], float) for result in results]
     count, total = int(sum(each.sum() for each in won)), sum(each.size for each in won)
-    ci95 = statistics.wilson(count, total)
+    seeds = len({seed for result in results for seed in result.seeds})
+    ci95 = statistics.wilson(round(count / total * seeds), seeds)  # flights of one seed are not independent
     if len(won) > 1 and len({tuple(result.seeds) for result in results}) == 1:
         resampled = statistics.bootstrap_trainings(np.array(won), rng=named_rng(0, "leaderboard", robot, task, method))
-        ci95 = statistics.wilson(round(count / len(won)), won[0].size)  # flights of one seed are not independent
         ci95 = Interval(min(ci95.lo, resampled.lo), max(ci95.hi, resampled.hi))
     how = [result.provenance.get(TRAINED, {}) for result in results]
     seconds = [each["seconds"] for each in how if each.get("seconds") is not None]

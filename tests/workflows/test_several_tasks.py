@@ -116,3 +116,16 @@ def test_runs_with_words_and_without_are_two_methods(home: Path, tmp_path: Path)
     told, plain = (read_run(tmp_path / worded).settings for worded in ("true", "false"))
     assert told.pop("dataset.language") is True
     assert told == plain
+
+
+def test_episodes_without_words_are_given_some_by_the_command_in_the_error(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = shutil.copytree(home / "reach", tmp_path / "reach")
+    where = "where=\"task == 'reach'\""
+    train = ["train", f"dataset={own}", "dataset.language=true", "policy.hidden=[8]", "algorithm.steps=2", QUIET]
+    assert main(["relabel", str(own), where.replace('"', ""), "instruction='...'", QUIET]) == 0
+    assert main([*train, f"run={tmp_path / 'run'}"]) == 2
+    assert f"aerial-il relabel DATASET {where} instruction=" in capsys.readouterr().err
+    assert main(["relabel", str(own), where.replace('"', ""), "instruction='Fly to the mark'", QUIET]) == 0
+    assert main([*train, f"run={tmp_path / 'run'}"]) == 0

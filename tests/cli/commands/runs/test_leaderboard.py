@@ -61,6 +61,13 @@ def test_more_seeds_of_one_policy_are_no_further_training() -> None:
     assert board.left_out == {"c": "has 50 seeds of a again"}
 
 
+def test_flights_of_one_seed_count_once_in_an_interval() -> None:
+    shorter = flown(0, draw=2)
+    shorter = replace(shorter, episodes=shorter.episodes[:60])
+    (none,) = standings({"a": flown(0), "b": flown(0, draw=1), "c": shorter}).standings
+    assert (none.trainings, none.episodes, none.ci95) == (3, 260, statistics.wilson(0, 100))
+
+
 @pytest.mark.parametrize(
     ("other", "why"),
     [
