@@ -118,10 +118,10 @@ def test_runs_with_words_and_without_are_two_methods(home: Path, tmp_path: Path)
     assert told == plain
 
 
-def test_episodes_without_words_are_given_some_by_the_command_in_the_error(
+def test_an_error_says_how_episodes_are_given_words(
     home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    own = shutil.copytree(home / "reach", tmp_path / "reach")
+    own = shutil.copytree(home / "both" / "reach", tmp_path / "reach")
     where = "where=\"task == 'reach'\""
     train = ["train", f"dataset={own}", "dataset.language=true", "policy.hidden=[8]", "algorithm.steps=2", QUIET]
     assert main(["relabel", str(own), where.replace('"', ""), "instruction='...'", QUIET]) == 0
