@@ -86,7 +86,7 @@ class TossBall(Task):
         joints=("ball",),
         contacts=("grip_left", "grip_right", "robot_on_ball", "ball_on_ground"),
     )
-    scene_height_m = 1.2
+    scene_height_m = 1.4
     scene_distance = 1.9
 
     def own_infeasibility(self, robot: Robot) -> str | None:
