@@ -25,6 +25,7 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_assembly import FRAME, beam_in_hooks
 from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
 from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
 from tests.contract.rules_of_long_tasks import (
@@ -133,6 +134,7 @@ class Rule:
 
 
 RULES = {
+    "assemble_frame": Rule(beam_in_hooks, FRAME),
     "carry_slung_load": Rule(load_delivered, LOAD),
     "cabinet_retrieve": Rule(cube_set_down, SET_DOWN),
     "hover": Rule(base_at_mark, HOVER),
