@@ -16,6 +16,7 @@ ALONG_M = 0.02  # of its middle from the frame's
 
 turn_to_frame = measured.number(assemble_frame.turn_to_frame)
 beside_hooks = measured.number(assemble_frame.beside_hooks)
+over_hooks = measured.number(assemble_frame.over_hooks)
 beam_yaw = measured.number(assemble_frame.beam_yaw)
 assembled = measured.truth(assemble_frame.assembled)
 
@@ -23,6 +24,7 @@ assembled = measured.truth(assemble_frame.assembled)
 class AssembleFrameExpert(SetDownExpert):
     """What is brought to the hooks is where the beam crosses them: its position and its heading in one."""
 
+    at_height_m = 0.004  # held by the fingers' ends, a beam slips out
     down_m = 0.005
 
     def cube(self) -> np.ndarray:
@@ -49,15 +51,11 @@ class AssembleFrameExpert(SetDownExpert):
         return np.maximum(beside_hooks(self.view), super().beside_goal() - ALONG_M)
 
     def down(self) -> np.ndarray:
-        return self._left() <= SEATED_M
+        return over_hooks(self.view) <= SEATED_M
 
     def astray(self) -> np.ndarray:
-        over_walls = self._left() > WALLS_M
+        over_walls = over_hooks(self.view) > WALLS_M
         return (over_walls & (beside_hooks(self.view) > ASTRAY_M)) | (self.timer > LOWER_PATIENCE_STEPS)
-
-    def _left(self) -> np.ndarray:
-        """(n,) how far the beam's middle is above where it is to lie, m."""
-        return self.cube()[:, 2] - self.goal()[0][:, 2]
 
 
 EXPERT = AssembleFrameExpert

@@ -41,9 +41,11 @@ class SetDownExpert(Expert):
     """Way-points over the cube and over where it goes; the cube, not the tool, is brought to its place.
 
     Attributes:
+        at_height_m: how far above the cube's middle, at most, the gripper closes.
         down_m: how far beside its place, at most, a cube goes down.
     """
 
+    at_height_m: ClassVar[float] = AT_HEIGHT_M
     down_m: ClassVar[float] = DOWN_M
     phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
 
@@ -96,7 +98,7 @@ class SetDownExpert(Expert):
         rules = (
             (HOVER, over, DESCEND),
             (DESCEND, (beside > LOST_ALIGNMENT_M) | (self.timer > DESCENT_PATIENCE_STEPS), HOVER),
-            (DESCEND, over & (tool[:, 2] - cube[:, 2] <= AT_HEIGHT_M), CLOSE),
+            (DESCEND, over & (tool[:, 2] - cube[:, 2] <= self.at_height_m), CLOSE),
             (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
             (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
             (LIFT, lost, HOVER),

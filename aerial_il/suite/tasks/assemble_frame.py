@@ -199,6 +199,12 @@ def beside_hooks(world):
 
 
 @kernel
+def over_hooks(world):
+    """The larger of the beam's heights in the two hooks above where it is to lie, m."""
+    return max(off_hook(world, -HOOK_M)[1], off_hook(world, HOOK_M)[1])
+
+
+@kernel
 def doubled_heading(world, k):
     """Cosine and sine of twice the yaw of the x axis of site ``k``: the same for both directions along a beam."""
     mat = site_mat(world, k)
