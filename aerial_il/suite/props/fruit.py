@@ -17,6 +17,7 @@ from aerial_il.suite.props.table import TABLE_HEIGHT_M
 
 RADIUS_M, MASS_KG = 0.022, 0.05
 STEM_N, STIFFNESS, DAMPING = 6.0, 240.0, 2.0  # what it holds; N/m; N s/m
+SPIN_DAMPING = 1e-4  # N m s/rad, of a fruit that turns in its smooth calyx; its fall, N s/m, it does not slow
 STEM_M = 0.045  # from its root to the middle of the fruit, unstretched
 SNAP_M = STEM_M + STEM_N / STIFFNESS  # its length when it breaks
 CALYX_M, SEPAL_M, SEPALS = 0.013, 0.005, 4  # radius of the ring of sepals and of each, which is a ball
@@ -44,7 +45,7 @@ def add_plant(spec: mujoco.MjSpec, fruit: str, *, ripe: bool) -> None:
     for side, sign in (("left", 1.0), ("right", -1.0)):
         _add_leaf(plant, f"leaf_{side}_{fruit}", sign)
     body = spec.worldbody.add_body(name=fruit)
-    body.add_freejoint(name=fruit)
+    body.add_joint(name=fruit, type=mujoco.mjtJoint.mjJNT_FREE, damping=SPIN_DAMPING)
     look = {"size": [RADIUS_M, 0, 0], "rgba": RED if ripe else UNRIPE}
     body.add_geom(name=fruit, type=mujoco.mjtGeom.mjGEOM_SPHERE, mass=MASS_KG, **look, **WORLD, **FRUIT)
     body.add_site(name=fruit, size=[0.003] * 3, group=4)
@@ -96,5 +97,6 @@ def _add_stem(spec: mujoco.MjSpec, name: str, ends: tuple[str, str]) -> None:
     spring = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_TENDON)
     spring.gaintype = mujoco.mjtGain.mjGAIN_AFFINE
     spring.gainprm[:3] = [STIFFNESS * STEM_M, -STIFFNESS, -DAMPING]
+    spring.forcelimited, spring.forcerange = True, [-STEM_N, STEM_N]  # until the control step is over in which it broke
     sensor = spec.add_sensor(name=name, type=mujoco.mjtSensor.mjSENS_TENDONPOS)
     sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, name
