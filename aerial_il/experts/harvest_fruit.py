@@ -1,4 +1,4 @@
-"""Expert for the fruit: take the nearest ripe one between its leaves, pull, carry it over the basket and let go."""
+"""Expert for the fruit: take the nearest ripe one beside its leaf, pull, carry it over the basket and let go."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ states_of = measured.row(states, 3 * RIPE_COUNT)
 
 
 class HarvestFruitExpert(SetDownExpert):
-    """The fingers close across the leaves, on the sides where there are none."""
+    """The fingers come down on the sides where there is no leaf."""
 
     at_height_m = 0.006
 

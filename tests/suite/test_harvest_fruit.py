@@ -181,7 +181,7 @@ def test_a_state_restored_breaks_the_stem_in_the_same_step() -> None:
 
 def test_leaves_give_way_and_come_back() -> None:
     worlds = started(TASK)
-    view, name = worlds.simulation.view, "leaf_left_ripe_a"
+    view, name = worlds.simulation.view, "leaf_ripe_a"
     angle, rate = view.joint(name)
     before = angle.copy()
     angle[:], rate[:] = 1.0, 0.0

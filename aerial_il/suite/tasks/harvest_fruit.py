@@ -61,9 +61,9 @@ class HarvestFruit(Task):
     than 5 cm/s. Let go of: no part of the robot touches it, and the tool is at least 10 cm away; links and rotors touch
     nothing. Either ripe fruit will do.
 
-    A fruit of 44 mm and 50 g sits in its calyx between two leaves, thin flaps on hinges with springs. Its stem gives by
-    25 mm before it breaks, at 6 N, for good. An unripe fruit whose stem is broken, or no ripe one that is not more than
-    10 cm below the table's surface, ends the episode as dropped.
+    A fruit of 44 mm and 50 g sits on its calyx beside a leaf that may hide it, a thin flap on a hinge with a spring.
+    Its stem stretches by 25 mm before it breaks, at 6 N, for good. An unripe fruit off its stem, or no ripe one left
+    above 10 cm below the table's surface or in the gripper, ends the episode as dropped.
     """
 
     name = "harvest_fruit"
@@ -106,6 +106,7 @@ class HarvestFruit(Task):
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE  # a fifth less time a step: many bodies, few contacts
         add_table(spec)
         for name in FRUITS:
             add_plant(spec, name, ripe=name in RIPE)
