@@ -10,7 +10,7 @@ from aerial_il.suite.props import TABLE_HEIGHT_M
 from aerial_il.suite.props.frame import BEAM_HALF_M, WALL_M
 from aerial_il.suite.tasks import assemble_frame
 
-ASTRAY_M = 0.014  # beside the middle of a hook, over its walls, from where on the beam goes up again
+ASTRAY_M = 0.007  # beside the middle of a hook, over its walls, from where on the beam goes up again
 WALLS_M = WALL_M - BEAM_HALF_M[2]  # from the beam where it is to lie to where it comes between the walls
 ALONG_M = 0.02  # of its middle from the frame's
 
@@ -25,7 +25,7 @@ class AssembleFrameExpert(SetDownExpert):
     """What is brought to the hooks is where the beam crosses them: its position and its heading in one."""
 
     at_height_m = 0.004  # held by the fingers' ends, a beam slips out
-    down_m = 0.005
+    down_m = 0.003
 
     def cube(self) -> np.ndarray:
         return self.view.site_pos("beam")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from aerial_il.core.kernels import kernel
@@ -23,6 +25,14 @@ def states(world, found):
         found[3 * k + 2] = harvest_fruit.fallen(world, k)
 
 
+@kernel
+def yaws(world, found):
+    for k in range(RIPE_COUNT):
+        c, s = harvest_fruit.leaf_heading(world, k)
+        found[k] = 0.5 * math.atan2(s, c)
+
+
+yaws_of = measured.row(yaws, RIPE_COUNT)
 states_of = measured.row(states, 3 * RIPE_COUNT)
 
 
@@ -38,9 +48,7 @@ class HarvestFruitExpert(SetDownExpert):
         return self._states()[:, :, 0].any(axis=1)
 
     def grasp_heading(self) -> np.ndarray:
-        quats = np.stack([self.view.mocap_quat[:, self.view.mocap_id(f"plant_{name}")] for name in RIPE], axis=1)
-        quat = quats[np.arange(self.view.n), self._which()]
-        yaw, heading = 2.0 * np.arctan2(quat[:, 3], quat[:, 0]), self._heading()
+        yaw, heading = yaws_of(self.view)[np.arange(self.view.n), self._which()], self._heading()
         return yaw + np.pi * np.round((heading - yaw) / np.pi)
 
     def goal(self) -> tuple[np.ndarray, np.ndarray]:

@@ -65,6 +65,7 @@ def _add_stalk(plant: mujoco.MjsBody, fruit: str) -> None:
     plant.add_geom(name=f"stalk_{fruit}", type=cylinder, **post, **FIXTURE, **HARD, **CALYX)
     disc = {"pos": [0, 0, STALK_M - CALYX_HALF_M], "size": [CALYX_RADIUS_M, CALYX_HALF_M, 0], "rgba": LEAF}
     plant.add_geom(name=f"calyx_{fruit}", type=cylinder, **disc, **NOTHING)
+    plant.add_site(name=f"plant_{fruit}", size=[0.003] * 3, group=4)
     plant.add_site(name=f"root_{fruit}", pos=[0, 0, FRUIT_M - ROOT_M], size=[0.003] * 3, group=4)
 
 

@@ -45,11 +45,11 @@ GRIP_LEFT, GRIP_RIGHT, ROBOT_ON_BEAM = range(3)  # contacts
 class AssembleFrame(Task):
     """Beam in both hooks of the frame, let go of and slower than 5 cm/s, gripper at least 8 cm away, for 0.5 s.
 
-    The beam is 20 mm square and 34 cm long, the hooks are 23 mm wide and 26 cm apart. In a hook: where it crosses the
-    middle of the hook, the beam's axis is at most 2 mm beside the hook's, and within 2 mm of the height at which it
-    lies on its floor. The beam's middle is at most 3 cm from the frame's, so that both ends stick out; its striped
-    face, which is up on the supports, is up, within 10°. Either end may be in either hook. Let go of: no part of the
-    robot touches it; links and rotors touch nothing.
+    The beam is 20 mm square and 34 cm long, the hooks are 23 mm wide, 27 mm between the edges of their walls, and 26 cm
+    apart. In a hook: where it crosses the middle of the hook, the beam's axis is at most 2 mm beside the hook's, and
+    within 2 mm of the height at which it lies on its floor. The beam's middle is at most 3 cm from the frame's, so that
+    both ends stick out; its striped face, which is up on the supports, is up, within 10°. Either end may be in either
+    hook. Let go of: no part of the robot touches it; links and rotors touch nothing.
 
     A beam whose middle is more than 10 cm below the table's surface, on the floor or on its way there, and that is not
     in the gripper is lost: the episode ends as dropped.

@@ -25,6 +25,7 @@ from aerial_il.suite.physics.world import (
     free_vel,
     reading,
     set_point,
+    site_mat,
     site_pos,
     task_state,
     tool_pos,
@@ -34,7 +35,7 @@ from aerial_il.suite.physics.world import (
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_table
 from aerial_il.suite.props.fruit import FRUIT_M, RADIUS_M, SNAP_M, STEM_N, add_plant, grow
 from aerial_il.suite.props.place import places_apart
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import GIVEN, direction, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 IN_BASKET_M = 0.055  # horizontal distance between the middles of fruit and basket
@@ -50,7 +51,7 @@ APART_M = 0.15
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.4])
 RIPE, UNRIPE = ("ripe_a", "ripe_b"), ("unripe_a", "unripe_b")
 FRUITS = (*RIPE, *UNRIPE)  # sites, actuators, and the first sensors; the ripe ones are joints too
-COUNT, RIPE_COUNT, BASKET = len(FRUITS), len(RIPE), len(FRUITS)
+COUNT, RIPE_COUNT, BASKET, FIRST_PLANT = len(FRUITS), len(RIPE), len(FRUITS), len(FRUITS) + 1
 FINGER_LEFT, FINGER_RIGHT, ROBOT_ON_RIPE = COUNT, COUNT + 1, COUNT + 2  # contacts; the last of as many as are ripe
 
 
@@ -80,7 +81,7 @@ class HarvestFruit(Task):
     dwell_s = 0.5
     subtasks = ("at_ripe", "grasped", "picked", "lifted", "over_basket", "in_basket")
     names = Names(
-        sites=(*FRUITS, "basket"),
+        sites=(*FRUITS, "basket", *(f"plant_{name}" for name in RIPE)),
         joints=RIPE,
         contacts=(
             *(f"stem_{name}" for name in FRUITS),
@@ -92,7 +93,8 @@ class HarvestFruit(Task):
     )
     force_sensors = ("wrist_force",)
     privileged = (("wrist_force", CONTACT_ALONE),)
-    sight = (5, 28)
+    commanded = ("basket",)
+    sight = (6, 28)
 
     def own_infeasibility(self, robot: Robot) -> str | None:
         opening, needed = 2.0 * robot.gripper.stroke, 2.4 * RADIUS_M
@@ -131,8 +133,9 @@ class HarvestFruit(Task):
             *(seen(f"{name}_pos", "middle of a fruit") for name in FRUITS),
             *(seen(f"tool_to_{name}", "from the tool to a ripe fruit") for name in RIPE),
             *(seen(f"{name}_to_basket", "from a ripe fruit to the basket") for name in RIPE),
-            seen("basket_pos", "middle of the basket, at its underside"),
+            seen("basket_pos", "middle of the basket, at its underside", noise=GIVEN),
             seen("picked", "of each ripe fruit, 1 once it is off its stem", 2, unit="", frame="", labels=("a", "b")),
+            *(direction(f"{name}_leaf", "of twice the yaw of its leaf", labels=("cos2", "sin2")) for name in RIPE),
             felt("wrist_force", "contact force of the gripper on other things", real=False),
         )
 
@@ -146,8 +149,9 @@ def observe(world, found):
         put(found, 12 + 3 * k, sub(site_pos(world, k), tool))
         put(found, 18 + 3 * k, sub(basket, site_pos(world, k)))
         found[27 + k] = task_state(world)[k]
+        found[29 + 2 * k], found[30 + 2 * k] = leaf_heading(world, k)
     put(found, 24, basket)
-    put(found, 29, force(world, 0))
+    put(found, 33, force(world, 0))
 
 
 @kernel
@@ -217,6 +221,13 @@ def reward_for(world, k):
         beside = planar_norm(sub(fruit, site_pos(world, BASKET)))
         return 0.3 + 0.2 * task_state(world)[k] * (1.0 + closeness(beside, 0.15))
     return 0.3 * closeness(away, 0.2)
+
+
+@kernel
+def leaf_heading(world, k):
+    """Cosine and sine of twice the yaw of a ripe fruit's leaf, which is on its plant's x axis."""
+    mat = site_mat(world, FIRST_PLANT + k)
+    return mat[0] * mat[0] - mat[3] * mat[3], 2.0 * mat[0] * mat[3]
 
 
 @kernel
