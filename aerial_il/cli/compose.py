@@ -138,13 +138,13 @@ def _ways(word: str, parsed: Any) -> list[str]:
 
 
 def _shown(word: str) -> str:
-    """Return a swept word as it stands in the name of a folder."""
+    """Return a swept word as it stands in the name of a folder, which is one and not a path."""
     from hydra.core.override_parser.types import QuotedString
 
     (parsed,) = _parsed([word])
     value = parsed.value()
     text = value.text if isinstance(value, QuotedString) else str(value)
-    return f"{parsed.key_or_group.removesuffix('.name')}={text}".replace("'", "")
+    return f"{parsed.key_or_group.removesuffix('.name')}={text}".replace("'", "").replace("/", "-")
 
 
 def _parsed(overrides: Iterable[str]) -> list[Any]:

@@ -1,7 +1,8 @@
 """Standings of methods, from the records of their evaluations alone: robot, task, tier, method, success, cost.
 
-Results that differ in no more than the training's draw are trainings of one method. What was flown with another version
-of the engine, or over fewer seeds than the others, stands in no table with the rest; it is named with the reason.
+Results that differ in no more than the training's draw are trainings of one method; other settings, or another way to
+be flown or told, make another. What was flown with another version of the engine, over fewer seeds than the others, or
+over seeds that the same policy has flown already, stands in no table with the rest; it is named with the reason.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval
-from aerial_il.evaluation.training_run import BY_CHANCE, TrainingRun
+from aerial_il.evaluation.training_run import PLACES, TrainingRun
 
 TRAINED = "trained"  # key of an evaluation's provenance: how the policy came about
 FEWEST = 50  # episodes of a result that stands on the board
+MOST_SETTINGS = 3  # that tell methods of one name apart
+HOW_FLOWN = ("controller", "execution", "instruction")  # of the environment
 
 
 @dataclass(frozen=True)
@@ -73,13 +76,13 @@ class Leaderboard:
 def trained(run: TrainingRun) -> dict[str, Any]:
     """Return what a result keeps of how its policy came about: method, settings, demonstrations, wall time."""
     seconds = next((row["elapsed_s"] for row in reversed(run.rows) if "elapsed_s" in row), None)
-    dataset = run.config.get("dataset", {})
+    dataset, places = run.config.get("dataset", {}), [f"dataset.{name}" for name in PLACES]
     return {
         "algorithm": run.algorithm,
         "policy": run.policy,
         "demonstrations": dataset.get("demonstrations") if isinstance(dataset, Mapping) else None,
         "seconds": None if seconds is None else round(float(seconds), 1),
-        "settings": {key: value for key, value in run.settings.items() if key not in (*BY_CHANCE, "seed")},
+        "settings": {key: value for key, value in run.settings.items() if key not in places},
     }
 
 
@@ -91,21 +94,31 @@ def standings(results: Mapping[str, EvaluationResult], *, fewest: int = FEWEST) 
     """
     engines = Counter(str(result.provenance.get("engine")) for result in results.values())
     engine = max(engines, key=lambda each: (engines[each], each), default="")
-    left_out, groups = dict[str, str](), dict[tuple[str, ...], list[EvaluationResult]]()
-    seen: dict[str, str] = {}
-    for place, result in results.items():
-        reason = _unfit(result, engine, fewest)
-        flown = json.dumps([result.tier, result.robot, result.task, result.seeds, _identity(result)], default=str)
-        if not reason and flown in seen:
-            reason = f"is {seen[flown]} again"
+    left_out, groups = dict[str, str](), dict[tuple[str, str, str, str], list[EvaluationResult]]()
+    seen: dict[str, dict[int, str]] = {}  # what was flown -> seed -> place
+    for place in sorted(results, key=lambda each: -len(results[each].episodes)):
+        result = results[place]
+        cell = (result.robot, result.task, result.tier)
+        flown = seen.setdefault(_text([*cell, _identity(result), _how(result)]), {})
+        reason = _unfit(result, engine, fewest) or _flown_before(result, flown)
         if reason:
             left_out[place] = reason
             continue
-        seen[flown] = place
-        groups.setdefault((result.robot, result.task, result.tier, _method(result)), []).append(result)
-    found = [_standing(*key, found) for key, found in groups.items()]
+        flown |= dict.fromkeys(result.seeds, place)
+        groups.setdefault((*cell, _text([_name(result), _how(result)])), []).append(result)
+    names = _told_apart([group[0] for group in groups.values()])
+    found = [_standing(*key[:3], name, group) for (key, group), name in zip(groups.items(), names, strict=True)]
     order = sorted(found, key=lambda each: (each.robot, each.task, each.tier, -each.rate, each.method))
     return Leaderboard(engine, tuple(order), left_out)
+
+
+def _flown_before(result: EvaluationResult, flown: Mapping[int, str]) -> str:
+    """Return which place has flights of ``result`` already; empty if none has."""
+    place = next((flown[seed] for seed in result.seeds if seed in flown), None)
+    if place is None:
+        return ""
+    shared = sum(flown.get(seed) == place for seed in result.seeds)
+    return f"is {place} again" if shared == len(result.seeds) else f"has {shared} seeds of {place} again"
 
 
 def _unfit(result: EvaluationResult, engine: str, fewest: int) -> str:
@@ -126,8 +139,8 @@ def _identity(result: EvaluationResult) -> str:
     return str(result.provenance.get("policy_sha256") or result.policy)
 
 
-def _method(result: EvaluationResult) -> str:
-    """Return what trainings of one method have in common, for people."""
+def _name(result: EvaluationResult) -> str:
+    """Return a method's name for people, which others may have too."""
     how = result.provenance.get(TRAINED)
     if not isinstance(how, Mapping):
         return result.policy
@@ -135,10 +148,37 @@ def _method(result: EvaluationResult) -> str:
     return f"{how.get('policy')}{known}, {how.get('demonstrations') or 'no'} demonstrations"
 
 
+def _how(result: EvaluationResult) -> dict[str, Any]:
+    """Return what makes a method: settings of its training, and how it is flown and told."""
+    trained, environment = result.provenance.get(TRAINED), result.provenance.get("environment", {})
+    settings = trained.get("settings", {}) if isinstance(trained, Mapping) else {}
+    return {**settings, **{name: environment[name] for name in HOW_FLOWN if name in environment}}
+
+
+def _told_apart(results: Sequence[EvaluationResult]) -> list[str]:
+    """Return the names of methods, those of one name in one cell and tier with the settings in which they differ."""
+    names = []
+    for one in results:
+        rivals = [
+            _how(other)
+            for other in results
+            if (other.robot, other.task, other.tier, _name(other)) == (one.robot, one.task, one.tier, _name(one))
+        ]
+        keys = sorted({key for how in rivals for key in how if any(h.get(key) != how[key] for h in rivals)})
+        said = [f"{key.rpartition('.')[2]}={_how(one).get(key)}" for key in keys[:MOST_SETTINGS]]
+        names.append(", ".join([_name(one), *said, *["..."][: len(keys) > MOST_SETTINGS]]))
+    return names
+
+
+def _text(parts: Any) -> str:
+    return json.dumps(parts, sort_keys=True, default=str)
+
+
 def _standing(robot: str, task: str, tier: str, method: str, results: Sequence[EvaluationResult]) -> Standing:
     won = [np.array([episode.success for episode in result.episodes], float) for result in results]
     count, total = int(sum(each.sum() for each in won)), sum(each.size for each in won)
-    ci95 = statistics.wilson(count, total)
+    seeds = len({seed for result in results for seed in result.seeds})
+    ci95 = statistics.wilson(round(count / total * seeds), seeds)  # flights of one seed are not independent
     if len(won) > 1 and len({tuple(result.seeds) for result in results}) == 1:
         resampled = statistics.bootstrap_trainings(np.array(won), rng=named_rng(0, "leaderboard", robot, task, method))
         ci95 = Interval(min(ci95.lo, resampled.lo), max(ci95.hi, resampled.hi))
@@ -146,8 +186,8 @@ def _standing(robot: str, task: str, tier: str, method: str, results: Sequence[E
     seconds = [each["seconds"] for each in how if each.get("seconds") is not None]
     commands = dict.fromkeys(str(result.provenance.get("command", "")) for result in results)
     return Standing(
-        robot=robot, task=task, tier=tier, method=method, trainings=len(results), episodes=total, rate=count / total,
-        ci95=ci95, demonstrations=how[0].get("demonstrations"),
+        robot=robot, task=task, tier=tier, method=method, trainings=len({*map(_identity, results)}), episodes=total,
+        rate=count / total, ci95=ci95, demonstrations=how[0].get("demonstrations"),
         minutes=round(sum(seconds) / len(seconds) / 60, 1) if seconds else None,
         commands=tuple(command for command in commands if command),
     )  # fmt: skip

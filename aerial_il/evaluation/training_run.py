@@ -24,6 +24,8 @@ SUCCESS, EPISODES, REWARD = "evaluate/success", "evaluate/episodes", "evaluate/m
 FLOWN = "flight_steps"  # of a round
 SETTLING = 0.02  # share of a run's steps before it is expected to hold what its prior could
 BY_CHANCE = ("seed", "dataset.digest", "dataset.frames", "dataset.transitions")  # what a seed changes
+PLACES = ("path", "others")  # of the datasets, as they were typed
+LEARNED_FROM = (*PLACES, "weights", "latency_ms", "language")  # what a command says of them that no config does
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,9 @@ class TrainingRun:
     @cached_property
     def settings(self) -> dict[str, Any]:
         """Dotted settings -> values, without those that a seed changes."""
-        return {key: value for key, value in dotted(self.config).items() if key not in BY_CHANCE}
+        said = self.command.get("dataset", {})
+        learned_from = {f"dataset.{name}": said[name] for name in LEARNED_FROM if said.get(name)}
+        return {key: value for key, value in (dotted(self.config) | learned_from).items() if key not in BY_CHANCE}
 
 
 def rollouts_of(rows: Sequence[Mapping[str, Any]]) -> list[Rollouts]:

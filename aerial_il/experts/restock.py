@@ -60,7 +60,7 @@ class StowExpert(SetDownExpert):
         return self._chosen(np.stack([self.view.site_pos(f"cube_{name}") for name in COLOURS], axis=1))
 
     def held(self) -> np.ndarray:
-        return self.all_held().any(axis=1)
+        return np.asarray(self.all_held().any(axis=1))
 
     def grasp_heading(self) -> np.ndarray:
         mats = np.stack([self.view.site_mat(f"cube_{name}") for name in COLOURS], axis=1)
@@ -79,7 +79,7 @@ class StowExpert(SetDownExpert):
         return np.concatenate([level, height], axis=1), self._into()
 
     def done(self) -> np.ndarray:
-        return self.stowed().all(axis=1)
+        return np.asarray(self.stowed().all(axis=1))
 
     def table(self) -> float:
         return TABLE_HEIGHT_M

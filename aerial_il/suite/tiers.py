@@ -17,6 +17,8 @@ from functools import cache, cached_property
 from typing import Any
 from zlib import crc32
 
+import numpy as np
+
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.suite import disturbances
@@ -26,7 +28,8 @@ from aerial_il.suite.physics import episode_state as layout
 MARKED = layout.USERDATA_SIZE  # memories from here on are marked
 NAMES = ("calm", "breeze", "gusts", "hard")
 FIRST = ("wind", "payload", "friction", "latency", "noise", "motors", "estimation")  # in names of recorded tiers
-_TERM = re.compile(r"([+-])([^+-]*)")
+_SIGN = r"(?<!\de)[+-]"  # not that of an exponent, 1e-3
+_TERM = re.compile(rf"({_SIGN})((?:(?!{_SIGN}).)*)")
 
 
 @dataclass(frozen=True)
@@ -112,7 +115,7 @@ def get(name: str) -> Tier:
         UnknownNameError: no tier or no component has that name.
         InvalidValueError: a component is added that is there, or removed that is not.
     """
-    base, changes = re.split(r"[+-]", name, maxsplit=1)[0], _TERM.findall(name)
+    base, changes = re.split(_SIGN, name, maxsplit=1)[0], _TERM.findall(name)
     if base not in NAMES:
         raise UnknownNameError("tier", base, NAMES, f"Components may be added or removed: {_example()}.")
     there = {component: disturbances.strengths(component) for component in components()}
@@ -165,9 +168,10 @@ def _canonical(tier: Tier, base: Tier) -> str:
 
 
 def _strength(tier: Tier, name: str) -> str:
-    """Write the strength of a component, unless it is the standard one."""
+    """Write the strength of a component in all its digits, unless it is the standard one."""
     number = tier.strengths.get(name)
-    return "" if number is None or tier.parts[name] == standard(name) else f":{number:g}"
+    digits = "" if number is None else np.format_float_positional(number, trim="-")
+    return "" if number is None or tier.parts[name] == standard(name) else f":{digits}"
 
 
 def _example() -> str:

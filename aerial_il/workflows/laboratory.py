@@ -140,7 +140,7 @@ def _check_noticed(settings: Evaluate, conditions: list[Condition]) -> None:
     robot = robots.get(pilot.robot)
     for condition in conditions:
         tier = tiers.get(condition.tier)
-        for name in tier.strengths:
+        for name in (part for part in tier.parts if f"+{part}" in tier.name):  # those that were added
             reason = tier.parts[name].unfelt(robot)
             if name == "camera_shift" and not pilot.reference.cameras:
                 reason = f"{settings.policy} looks through no camera"

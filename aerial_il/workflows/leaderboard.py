@@ -90,7 +90,8 @@ def _judged(
     today = datetime.now(UTC).strftime("%Y-%m-%d")
     seed = DRAWN_FROM + secrets.randbelow(DRAWN_TO - DRAWN_FROM)
     name = Path(submission).name.replace(":", "-")
-    folder = Path(settings.result[0]) / "submissions" / f"{today}-{name}-{seed}"
+    first = Path(settings.result[0])
+    folder = (first if first.is_dir() else first.parent) / "submissions" / f"{today}-{name}-{seed}"
     cells = dict.fromkeys((result.robot, result.task) for result in results.values())
     tiers = settings.tiers or tuple(dict.fromkeys(result.tier for result in results.values()))
     judged, reasons = dict[str, "EvaluationResult"](), list[str]()
@@ -104,10 +105,12 @@ def _judged(
             try:
                 result = evaluate(wanted).result
             except AerialError as error:
-                reasons.append(f"{robot}/{task}: {error}")
+                reasons.append(f"{robot} {task} {tier}: not flown, {error}")
                 continue
             told(f"{robot} {task} {tier}: success {result.headline()}")
             judged[str(out)] = result
     if not judged:
         raise InvalidValueError(f"{submission} flies in no cell of the board. {reasons[0]}")
+    for reason in reasons:
+        told(reason)
     return judged

@@ -162,6 +162,11 @@ def train(settings: Train) -> ChunkPolicy:
         raise InvalidValueError(f"algorithm={algorithm.name} learns from demonstrations: set dataset=PATH. {hint}")
     if dataset.weights and algorithm.name != "bc":
         raise InvalidValueError(f"dataset.weights is for algorithm=bc; {algorithm.name} takes each step as often.")
+    if dataset.language and algorithm.needs:
+        raise InvalidValueError(
+            "dataset.language=true is for algorithms that do not fly while they learn, e.g. algorithm=bc: "
+            f"nobody tells {algorithm.name} in words what to do there."
+        )
     for path in dataset.paths:
         algorithm, policy = suited(path, algorithm, policy, by_hand=dataset.by_hand, reading=dataset)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}

@@ -94,6 +94,7 @@ def test_rollouts_on_the_way_take_seeds_that_do_not_judge(sweep: Path) -> None:
     assert (sweep / "seed=0" / "best").is_dir()
     kept = json.loads((sweep / "seed=1" / "command.json").read_text())
     learned_from = {"path": "demos", "episodes": None, "others": [], "weights": [], "latency_ms": None, "reading": {}}
+    learned_from["language"] = False
     assert kept["dataset"] == learned_from
     assert "evaluate_every=2 evaluate_episodes=1" in kept["command"]
 

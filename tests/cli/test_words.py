@@ -157,7 +157,7 @@ def test_a_value_may_refer_to_another_key() -> None:
 
 
 def test_what_the_user_must_say_is_asked_for() -> None:
-    with pytest.raises(InvalidValueError, match=r"evaluate needs out=\.\.\. policy=\.\.\."):
+    with pytest.raises(InvalidValueError, match=r"evaluate needs out=\.\.\."):
         compose(EVALUATE, [])
 
 

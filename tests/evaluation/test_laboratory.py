@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from aerial_il.evaluation import statistics
 from aerial_il.evaluation.failures import kind_of, kinds_of
 from aerial_il.evaluation.laboratory import Condition, compared, profile
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.presentation.pages.conditions import write_conditions
 from tests.experiments.results import result_with
 
 TWINS = result_with(100, 90)
@@ -117,6 +119,16 @@ def test_failures_have_kinds(diver: EvaluationResult) -> None:
     kinds = kinds_of(diver.episodes)
     assert sum(kinds.values()) == len(diver.episodes) - diver.success["count"]
     assert list(kinds.values()) == sorted(kinds.values(), reverse=True)
+
+
+def test_a_map_shows_the_flights_of_its_own_task(tmp_path: Path) -> None:
+    one = flown_as(np.arange(4) < 4)
+    other = replace(flown_as(np.arange(4) < 1), task="land")
+    flown = {"mlp": {"calm": [one, other]}}
+    starts = {task: {seed: ("ee_pos", 0.1 * seed, 0.0) for seed in range(4)} for task in (one.task, "land")}
+    page = write_conditions(tmp_path / "page.html", compared(flown, "calm"), flown, starts=starts).read_text()
+    assert "3 of 4 failed" in page
+    assert "0 of 4 failed" in page
 
 
 def test_a_profile_counts_the_runs_above_each_threshold() -> None:

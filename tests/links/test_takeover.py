@@ -118,7 +118,8 @@ def test_what_the_guard_objects_to_is_said_on_the_page(monkeypatch: pytest.Monke
             if "no news of the robot f" in said:
                 break
     env.close()
-    assert said == {"The policy flies. Hold", "no news of the robot f"}
+    assert "no news of the robot f" in said
+    assert said <= {"The policy flies. Hold", "no news of the robot f"}
 
 
 def test_a_robot_whose_time_waits_is_refused() -> None:

@@ -52,6 +52,15 @@ def test_names_are_canonical() -> None:
     assert tiers.get("gusts+noise:2-estimation").name == "gusts+noise:2-estimation"
 
 
+@pytest.mark.parametrize("strength", ["1.2345678", "0.00001", "1e-3", "2e+0", "0.30000000000000004", "0"])
+def test_a_name_says_a_strength_in_all_its_digits(strength: str) -> None:
+    """Recordings keep the name alone: what is flown by it once more must be what was flown."""
+    tier = tiers.get(f"calm+wind:{strength}-noise")
+    assert tier.strengths == {"wind": float(strength)}
+    again = tiers.get(tier.name)
+    assert (again.name, again.parts) == (tier.name, tier.parts)
+
+
 @pytest.mark.parametrize(
     ("component", "strength", "another"),
     [

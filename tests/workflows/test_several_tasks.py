@@ -97,3 +97,35 @@ def test_words_are_refused_by_a_policy_that_goes_by_numbers(
     asked = [f"policy={run}", "task=reach", "episodes=1", "instruction=Reach.", f"out={tmp_path / 'out'}", QUIET]
     assert main(["evaluate", *asked]) == 2
     assert "train one with dataset.language=true" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("algorithm", ["dagger", "bc_ppo"])
+def test_words_are_refused_by_algorithms_that_fly(
+    algorithm: str, home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [f"algorithm={algorithm}", f"dataset={home / 'reach'}", "dataset.language=true", f"run={tmp_path / 'run'}"]
+    assert main(["train", *asked, QUIET]) == 2
+    assert f"nobody tells {algorithm} in words" in capsys.readouterr().err
+
+
+def test_runs_with_words_and_without_are_two_methods(home: Path, tmp_path: Path) -> None:
+    for worded in ("true", "false"):
+        run = tmp_path / worded
+        words = [f"dataset.language={worded}", "policy.hidden=[8]", "algorithm.steps=2", QUIET]
+        assert main(["train", f"dataset={home / 'reach'}", *words, f"run={run}"]) == 0
+    told, plain = (read_run(tmp_path / worded).settings for worded in ("true", "false"))
+    assert told.pop("dataset.language") is True
+    assert told == plain
+
+
+def test_an_error_says_how_episodes_are_given_words(
+    home: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = shutil.copytree(home / "both" / "reach", tmp_path / "reach")
+    where = "where=\"task == 'reach'\""
+    train = ["train", f"dataset={own}", "dataset.language=true", "policy.hidden=[8]", "algorithm.steps=2", QUIET]
+    assert main(["relabel", str(own), where.replace('"', ""), "instruction='...'", QUIET]) == 0
+    assert main([*train, f"run={tmp_path / 'run'}"]) == 2
+    assert f"aerial-il relabel DATASET {where} instruction=" in capsys.readouterr().err
+    assert main(["relabel", str(own), where.replace('"', ""), "instruction='Fly to the mark'", QUIET]) == 0
+    assert main([*train, f"run={tmp_path / 'run'}"]) == 0

@@ -30,7 +30,7 @@ def in_words(episode: Episode) -> Episode:
     if not language.tokens(text):
         raise InvalidValueError(
             f"Episode {episode.uid} has no instruction to learn from with dataset.language=true: give it one, "
-            "aerial-il relabel DATASET instruction='...' out=..."
+            f"aerial-il relabel DATASET where=\"task == '{episode.spec.task}'\" instruction='...'"
         )
     seen = np.tile(language.embedded(text), (len(next(iter(episode.obs.values()))), 1))
     spec = replace(episode.spec, observation=ObservationSpec((*episode.spec.observation.fields, TOLD)))

@@ -22,6 +22,7 @@ from aerial_il.suite.rendering import Renderer
 FRAMED = 12  # states, by which the viewpoint is chosen that holds a whole flight
 SUPERSAMPLING = 2  # every pixel is the mean of 2 x 2
 BELOW_M = 0.2  # what stands farther below the robot, such as a table's leg, need not be seen
+FAR_M = 3.4  # where the camera ``scene`` is farther off than this, a task wants all of it seen
 
 
 def obstacle() -> str:
@@ -137,6 +138,12 @@ class SceneRenderer:
         x, y, _ = -self.data.cam_xmat[model.camera("scene").id].reshape(3, 3)[:, 2]
         return float(np.rad2deg(np.arctan2(y, x)))
 
+    @cached_property
+    def _wide(self) -> bool:
+        """Whether the scene is larger than a table."""
+        x, y, _ = self.model.cam_pos[self.model.camera("scene").id] if "scene" in self.cameras else (0.0, 0.0, 0.0)
+        return bool(np.hypot(x, y) > FAR_M)
+
     def _extent(self, data: mujoco.MjData, props: bool) -> np.ndarray:
         """(P, 3) corners of the robot's geoms, and the centres of those of the props."""
         model = self.model
@@ -151,7 +158,7 @@ class SceneRenderer:
         if props:
             others = ~robot & seen & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
             centres, lowest = data.geom_xpos[others], points[0][:, 2].min()
-            points.append(centres[centres[:, 2] > lowest - BELOW_M])
+            points.append(centres[(centres[:, 2] > lowest - BELOW_M) | self._wide])
         return np.concatenate(points)
 
 

@@ -89,9 +89,9 @@ def _success(rows: Sequence[Row], hues: Mapping[str, int]) -> Figure:
 
 def _profiles(laboratory: Laboratory, hues: Mapping[str, int]) -> Figure | None:
     """Draw the performance profile of each method over its trainings and conditions; None of too few."""
-    pooled = {method: [rate for each in of.values() for rate in each] for method, of in laboratory.rates.items()}
-    if max(map(len, pooled.values())) < FEWEST_RUNS:
+    if max(len(each) for of in laboratory.rates.values() for each in of.values()) < FEWEST_RUNS:
         return None
+    pooled = {method: [rate for each in of.values() for rate in each] for method, of in laboratory.rates.items()}
     plot = Plot(
         x=(0.0, 1.0), y=(0.0, 1.0), x_label="success", y_label="", percent=True, width=2 * WIDE, height=HEIGHT,
         alt="Share of trainings and conditions with at least as much success: "
@@ -111,7 +111,7 @@ def _shares(row: Row) -> list[tuple[str, int, float]]:
 def _maps(flown: Flown, starts: Mapping[str, Starts]) -> list[Figure]:
     """Draw, seen from above, from which starts each method failed under each condition."""
     return [
-        _map(f"{method}, {condition}" if len(flown) > 1 else condition, results, starts[task])
+        _map(f"{method}, {condition}" if len(flown) > 1 else condition, task, results, starts[task])
         for method, of in flown.items()
         for condition, results in of.items()
         for task in dict.fromkeys(result.task for result in results)
@@ -119,8 +119,7 @@ def _maps(flown: Flown, starts: Mapping[str, Starts]) -> list[Figure]:
     ]
 
 
-def _map(title: str, results: Sequence[EvaluationResult], starts: Starts) -> Figure:
-    task = results[0].task
+def _map(title: str, task: str, results: Sequence[EvaluationResult], starts: Starts) -> Figure:
     places = np.array([place for _, *place in starts.values()], float)
     x, y = ((float(column.min()), float(column.max())) for column in places.T)
     episodes = [episode for result in results if result.task == task for episode in result.episodes]
@@ -134,4 +133,5 @@ def _map(title: str, results: Sequence[EvaluationResult], starts: Starts) -> Fig
         mark, kind = (plot.dot, "end good") if episode.success else (plot.cross, "end bad")
         mark(across, up, kind, title=called)
     what = next(iter(starts.values()))[0]
+    title = f"{title}, {words(task)}" if len({result.task for result in results}) > 1 else title
     return Figure(title, plot.svg(), f"{words(what)} at the start, from above; {lost} of {len(episodes)} failed")

@@ -114,15 +114,16 @@ def write_gallery(
 def cards() -> list[Card]:
     """Choose the cell that each robot and each task is shown in, so that all robots and tasks are seen about equally.
 
-    Who has the fewest cells to choose from chooses first. A robot that can do nothing yet, and a task that no robot can
-    do, are left out.
+    Who has the fewest cells to choose from chooses first. A task is shown by a robot that feels the air, if one can do
+    it. A robot that can do nothing yet, and a task that no robot can do, are left out.
     """
     cells, robots_seen, tasks_seen, taken = tasks.cells(), Counter(), Counter(), set()
     names = [("robot", name) for name in robots.names()] + [("task", name) for name in tasks.names()]
     own = {(kind, name): [cell for cell in cells if cell[kind == "task"] == name] for kind, name in names}
     chosen: dict[tuple[str, str], Card] = {}
     for subject in sorted((each for each in names if own[each]), key=lambda each: len(own[each])):
-        best = min(own[subject], key=lambda c: (c in taken, robots_seen[c[0]] + tasks_seen[c[1]], _ease(c[1])))
+        real = [cell for cell in own[subject] if robots.get(cell[0]).vehicle.drag.any()] or own[subject]
+        best = min(real, key=lambda c: (c in taken, robots_seen[c[0]] + tasks_seen[c[1]], _ease(c[1])))
         taken.add(best)
         robots_seen[best[0]] += 1
         tasks_seen[best[1]] += 1

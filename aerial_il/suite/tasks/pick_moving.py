@@ -40,8 +40,9 @@ class PickMoving(PickPlace):
 
     The table's top swings along a line in any direction, or runs round a circle either way, with a largest speed of
     0.05 to 0.25 m/s and a period of 4 to 8 s, at most 25 cm to either side of its middle; the cube lies on it by
-    friction. It never stops. A cube more than 10 cm below the table's surface that is not in the gripper is lost: the
-    episode ends as dropped.
+    friction. It never stops. Tiers with `payload` change its mass by up to 30 %, and these by up to a fifth.
+
+    A cube more than 10 cm below the table's surface that is not in the gripper is lost: the episode ends as dropped.
     """
 
     name = "pick_moving"

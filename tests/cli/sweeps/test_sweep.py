@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from aerial_il.cli import compose
 from aerial_il.cli.commands import find
 from aerial_il.cli.launchers import processes, serial
 from aerial_il.cli.main import main
@@ -171,3 +172,8 @@ def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
     assert process.stdin is not None
     threading.Timer(0.1, process.stdin.close).start()  # as the kernel does for a killed process
     assert process.wait(HANG_S) != 0
+
+
+def test_a_value_with_a_slash_is_no_path_of_folders() -> None:
+    points = compose.points(find("train"), ["dataset.path=a/x,b/x", "run=runs/sweep"])
+    assert [folder for _, folder in points] == ["runs/sweep/dataset.path=a-x", "runs/sweep/dataset.path=b-x"]

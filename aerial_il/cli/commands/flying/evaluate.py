@@ -20,6 +20,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import InvalidValueError
@@ -92,6 +93,8 @@ def _again(settings: Evaluate, place: str) -> None:
 
     if other := words_of(settings, without=OF_THE_REPETITION):
         raise InvalidValueError(f"again={place} repeats what was flown there: leave out {' '.join(other)}.")
+    if Path(settings.out).resolve() in (Path(place).resolve(), Path(place).resolve().parent):
+        raise InvalidValueError(f"out={settings.out} holds the evaluation that is to be repeated: name another folder.")
     before = load_result(place)
     typed = shlex.split(str(before.provenance.get("command", "")))
     if typed[:2] != ["aerial-il", "evaluate"]:

@@ -34,6 +34,7 @@ def test_the_page_says_what_each_costs_and_where_it_starts(flown: Path) -> None:
     page = (flown / "conditions.html").read_text()
     for said in ("wind=2", "latency=3", "target pos at the start, from above", "Get this page again"):
         assert said in page
+    assert "Performance profile" not in page, "one training has none, under however many conditions"
     assert "http" not in page.replace("http://www.w3.org", ""), "it opens offline"
 
 
@@ -52,6 +53,7 @@ def test_asked_once_more_nothing_is_flown(flown: Path, capsys: pytest.CaptureFix
         (["conditions=[storm]"], "Unknown tier 'storm'"),
         (["conditions=[wind=2,wind=2.0]"], "conditions=wind=2.0 is wind=2 again"),
         (["conditions=[camera_shift=0.02]"], "expert looks through no camera"),
+        (["conditions=[calm+camera_shift]"], "expert looks through no camera"),
         (["robot=floating_gripper", "conditions=[wind=1]"], "feels no wind"),
         (["robot=z1", "conditions=[motors=0.9]"], "has no rotors"),
     ],
@@ -72,6 +74,9 @@ def test_an_evaluation_is_repeated_flight_by_flight(
     assert "3 of 3 flights are equal in all their numbers" in capsys.readouterr().out
     assert main(["evaluate", *again, "seed=5"]) == 2
     assert "leave out seed=5" in capsys.readouterr().err
+    for place in (flown / "wind-2", flown / "wind-2" / "evaluation.json"):
+        assert main(["evaluate", f"again={place}", f"out={flown / 'wind-2'}", "overwrite=true"]) == 2
+        assert "holds the evaluation that is to be repeated" in capsys.readouterr().err
     assert main(["evaluate", f"again={tmp_path}", f"out={tmp_path / 'other'}"]) == 2
 
 

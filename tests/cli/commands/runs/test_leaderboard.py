@@ -36,6 +36,38 @@ def test_trainings_of_one_method_stand_together() -> None:
     assert second.commands == ("aerial-il mlp 0", "aerial-il mlp 1")
 
 
+def test_other_settings_or_words_make_another_method() -> None:
+    small, large = ({**flown(90).provenance[TRAINED], "settings": {"policy.hidden": [size]}} for size in (8, 256))
+    told = {"environment": {"instruction": "Press it."}}
+    results = {
+        "a": flown(90, **{TRAINED: small}),
+        "b": flown(80, draw=1, **{TRAINED: large}),
+        "c": flown(70, draw=1, **{TRAINED: large}, **told),
+    }
+    board = standings(results)
+    assert not board.left_out
+    assert [(each.rate, each.trainings) for each in board.standings] == [(0.9, 1), (0.8, 1), (0.7, 1)]
+    assert "hidden=[8]" in board.standings[0].method
+    assert "instruction=Press it." in board.standings[2].method
+
+
+def test_more_seeds_of_one_policy_are_no_further_training() -> None:
+    first = flown(90)
+    later = replace(first, episodes=tuple(replace(each, seed=each.seed + 100) for each in first.episodes))
+    halfway = replace(first, episodes=tuple(replace(each, seed=each.seed + 50) for each in first.episodes))
+    board = standings({"a": first, "b": later, "c": halfway})
+    (only,) = board.standings
+    assert (only.trainings, only.episodes) == (1, 200)
+    assert board.left_out == {"c": "has 50 seeds of a again"}
+
+
+def test_flights_of_one_seed_count_once_in_an_interval() -> None:
+    shorter = flown(0, draw=2)
+    shorter = replace(shorter, episodes=shorter.episodes[:60])
+    (none,) = standings({"a": flown(0), "b": flown(0, draw=1), "c": shorter}).standings
+    assert (none.trainings, none.episodes, none.ci95) == (3, 260, statistics.wilson(0, 100))
+
+
 @pytest.mark.parametrize(
     ("other", "why"),
     [
@@ -65,6 +97,8 @@ def test_a_submission_is_judged_on_seeds_of_the_day(tmp_path: Path, capsys: pyte
     assert "Hover on quad" in page
     assert "submission=FOLDER" in page
     assert "success" in capsys.readouterr().out
+    one = tmp_path / "all" / "expert" / "evaluation.json"
+    assert main(["leaderboard", str(one), *words[1:], "submission=hover", "episodes=2", QUIET]) == 0
 
 
 def test_no_evaluation_and_a_policy_of_nowhere_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
