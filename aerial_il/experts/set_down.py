@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -37,8 +38,15 @@ FACING_COS = np.cos(np.deg2rad(6.0))
 
 
 class SetDownExpert(Expert):
-    """Way-points over the cube and over where it goes; the cube, not the tool, is brought to its place."""
+    """Way-points over the cube and over where it goes; the cube, not the tool, is brought to its place.
 
+    Attributes:
+        at_height_m: how far above the cube's middle, at most, the gripper closes.
+        down_m: how far beside its place, at most, a cube goes down.
+    """
+
+    at_height_m: ClassVar[float] = AT_HEIGHT_M
+    down_m: ClassVar[float] = DOWN_M
     phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
 
     @abstractmethod
@@ -65,29 +73,41 @@ class SetDownExpert(Expert):
     def table(self) -> float:
         """Height of what it travels over, m."""
 
+    def beside_goal(self) -> np.ndarray:
+        """(n,) how far the cube is beside its place, m."""
+        return planar_length(self.goal()[0] - self.cube())
+
+    def down(self) -> np.ndarray:
+        """(n,) bool: a cube on its way down may be let go."""
+        seated = self.cube()[:, 2] - self.goal()[0][:, 2] <= SEATED_M
+        return seated | (self.timer > LOWER_PATIENCE_STEPS)
+
+    def astray(self) -> np.ndarray:
+        """(n,) bool: a cube on its way down goes up again."""
+        return self.beside_goal() > LOST_ALIGNMENT_M
+
     def first_phase(self) -> np.ndarray:
         return np.where(self.held(), LIFT, np.where(self.done(), RETREAT, HOVER))
 
     def next_phase(self) -> np.ndarray:
-        view, tool, cube, (goal, _) = self.view, self.view.tool_pos, self.cube(), self.goal()
-        held, beside, beside_goal = self.held(), planar_length(cube - tool), planar_length(goal - cube)
+        view, tool, cube = self.view, self.view.tool_pos, self.cube()
+        held, beside, beside_goal = self.held(), planar_length(cube - tool), self.beside_goal()
         over, high = (beside <= ALIGNED_M) & self._facing(), tool[:, 2] >= self._travel() - 0.03
         lost = (self.timer > 5) & ~held & (length(cube - tool) > LOST_M)
-        ready = (beside_goal <= DOWN_M) & (planar_length(view.base_vel) <= CARRY_SPEED_M_S)
-        seated = cube[:, 2] - goal[:, 2] <= SEATED_M
+        ready = (beside_goal <= self.down_m) & (planar_length(view.base_vel) <= CARRY_SPEED_M_S)
         rules = (
             (HOVER, over, DESCEND),
             (DESCEND, (beside > LOST_ALIGNMENT_M) | (self.timer > DESCENT_PATIENCE_STEPS), HOVER),
-            (DESCEND, over & (tool[:, 2] - cube[:, 2] <= AT_HEIGHT_M), CLOSE),
+            (DESCEND, over & (tool[:, 2] - cube[:, 2] <= self.at_height_m), CLOSE),
             (CLOSE, held & (self.timer >= GRIP_STEPS), LIFT),
             (CLOSE, self.timer > GRIP_PATIENCE_STEPS, HOVER),
             (LIFT, lost, HOVER),
             (LIFT, high, CARRY),
             (CARRY, lost, HOVER),
             (CARRY, ready, LOWER),
-            (LOWER, seated | (self.timer > LOWER_PATIENCE_STEPS), RELEASE),
+            (LOWER, self.down(), RELEASE),
             (LOWER, lost, HOVER),
-            (LOWER, beside_goal > LOST_ALIGNMENT_M, CARRY),
+            (LOWER, self.astray(), CARRY),
             (RELEASE, view.gripper[:, 0] >= WIDE * self._narrow(), RETREAT),
             (RETREAT, high & ~self.done(), HOVER),
         )

@@ -25,8 +25,10 @@ from tests.contract.placed import (
     Scatter,
     Stage,
 )
+from tests.contract.rules_of_assembly import FRAME, beam_in_hooks
 from tests.contract.rules_of_dynamics import LOAD, TOSS, ball_in_bin, load_delivered
 from tests.contract.rules_of_force import BULB, WINDOW, bulb_screwed_in, window_clean
+from tests.contract.rules_of_harvest import FRUIT, fruit_in_basket
 from tests.contract.rules_of_long_tasks import (
     RESTOCKED,
     SET_DOWN,
@@ -133,8 +135,10 @@ class Rule:
 
 
 RULES = {
+    "assemble_frame": Rule(beam_in_hooks, FRAME),
     "carry_slung_load": Rule(load_delivered, LOAD),
     "cabinet_retrieve": Rule(cube_set_down, SET_DOWN),
+    "harvest_fruit": Rule(fruit_in_basket, FRUIT),
     "hover": Rule(base_at_mark, HOVER),
     "insert_peg": Rule(peg_in_socket, PEG),
     "inspect_contact": Rule(probe_on_spot, PROBE),

@@ -130,7 +130,15 @@ def test_gymnasium_says_so_with_the_same_keys_from_the_start_on() -> None:
         assert (terminated, info["dropped"], info["crash"]) == (True, True, False)
 
 
-ALIKE = ("peg_green", "peg_blue", "cube_yellow", "cube_purple")  # in shape and mass to one that is dropped
+ALIKE = (
+    "peg_green",
+    "peg_blue",
+    "cube_yellow",
+    "cube_purple",
+    "ripe_b",
+    "unripe_a",
+    "unripe_b",
+)  # in shape and mass to one that is dropped
 each_object = pytest.mark.parametrize(("task", "joint"), [each for each in loose_objects() if each[1] not in ALIKE])
 FEW, MANY = 40, 1000
 

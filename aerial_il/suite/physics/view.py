@@ -23,6 +23,7 @@ OBJECTS = {
     "joint": mujoco.mjtObj.mjOBJ_JOINT,
     "sensor": mujoco.mjtObj.mjOBJ_SENSOR,
     "body": mujoco.mjtObj.mjOBJ_BODY,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
 
 
@@ -177,7 +178,8 @@ class View:
         """Index of something of the model; MuJoCo itself says -1 to an unknown name, which is the last one's index."""
         found = mujoco.mj_name2id(self.model, OBJECTS[kind], name)
         if found < 0:
-            count = {"site": self.model.nsite, "joint": self.model.njnt, "sensor": self.model.nsensor}
+            model = self.model
+            count = {"site": model.nsite, "joint": model.njnt, "sensor": model.nsensor, "actuator": model.nu}
             known = (mujoco.mj_id2name(self.model, OBJECTS[kind], i) for i in range(count.get(kind, self.model.nbody)))
             raise UnknownNameError(kind, name, [name for name in known if name])
         return found
@@ -195,6 +197,7 @@ class View:
             ("dofs", [velocity for _, velocity in joints]),
             ("contacts", [self.address(name) for name in names.contacts]),
             ("mocaps", [self._mocap(name) for name in names.mocaps]),
+            ("actuators", [self._id("actuator", name) for name in names.actuators]),
             ("unwanted", self._contact_ids),
         ):
             records[name][:, : len(found)] = found

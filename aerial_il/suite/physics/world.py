@@ -28,12 +28,12 @@ FORCES_START, PEAKS_START = layout.FORCES.start, layout.FORCES.start + 3 * layou
 SAMPLES_START, SEED, TICK = layout.SAMPLES.start, layout.SEED, layout.TICK
 TASK_START, TASK_SIZE = layout.TASK.start, layout.TASK.stop - layout.TASK.start
 THRUST_START, AIR_START = layout.THRUST.start, layout.AIR.start
-ARRAYS = ("qpos", "qvel", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "userdata")
+ARRAYS = ("qpos", "qvel", "sensordata", "site_xpos", "site_xmat", "mocap_pos", "ctrl", "userdata")
 
 WORLD = np.dtype(
     [
         *((name, np.int64) for name in ARRAYS),  # addresses of this world's numbers
-        *((name, np.int64, (MAX_NAMES,)) for name in ("sites", "joints", "dofs", "contacts", "mocaps")),
+        *((name, np.int64, (MAX_NAMES,)) for name in ("sites", "joints", "dofs", "contacts", "mocaps", "actuators")),
         *((name, np.int64) for name in ("tool", "base", "first_joint", "first_dof", "num_joints", "fingers")),
         *((name, np.int64) for name in ("num_rotors", "num_unwanted")),
         ("unwanted", np.int64, (MAX_JOINTS,)),  # contact sensors that should see nothing
@@ -51,13 +51,16 @@ class Names:
     """Names that a task reads, in the order in which its compiled functions number them.
 
     Attributes:
-        sites, joints, contacts, mocaps: names of sites, of joints, of contact sensors and of mocap bodies.
+        sites, joints, contacts, mocaps: names of sites, of joints, of contact sensors (or others of one number) and of
+            mocap bodies.
+        actuators: names of the props' own.
     """
 
     sites: tuple[str, ...] = ()
     joints: tuple[str, ...] = ()
     contacts: tuple[str, ...] = ()
     mocaps: tuple[str, ...] = ()
+    actuators: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for kind, names in vars(self).items():
@@ -197,6 +200,18 @@ def mocap_pos_after(world, k, places):
 def touching(world, k):
     """Whether the task's contact sensor number ``k`` sees at least one contact."""
     return doubles(world.sensordata + 8 * world.contacts[k], 1)[0] > 0.0
+
+
+@kernel
+def reading(world, k):
+    """Number that sensor number ``k`` of those in the task's ``contacts`` gives, in its own unit."""
+    return doubles(world.sensordata + 8 * world.contacts[k], 1)[0]
+
+
+@kernel
+def set_point(world, k):
+    """Set-point of the task's actuator number ``k``: one number that may be written."""
+    return doubles(world.ctrl + 8 * world.actuators[k], 1)
 
 
 @kernel
