@@ -45,7 +45,7 @@ class HarvestFruitExpert(SetDownExpert):
         return self._fruits()[np.arange(self.view.n), self._which()]
 
     def held(self) -> np.ndarray:
-        return self._states()[:, :, 0].any(axis=1)
+        return np.asarray(self._states()[:, :, 0].any(axis=1))
 
     def grasp_heading(self) -> np.ndarray:
         yaw, heading = yaws_of(self.view)[np.arange(self.view.n), self._which()], self._heading()
@@ -55,7 +55,7 @@ class HarvestFruitExpert(SetDownExpert):
         return self.view.site_pos("basket") + np.array([0.0, 0.0, DROP_M]), np.zeros(self.view.n)
 
     def done(self) -> np.ndarray:
-        return self._states()[:, :, 1].any(axis=1)
+        return np.asarray(self._states()[:, :, 1].any(axis=1))
 
     def table(self) -> float:
         return TABLE_HEIGHT_M
