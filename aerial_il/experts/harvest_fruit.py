@@ -48,8 +48,7 @@ class HarvestFruitExpert(SetDownExpert):
         return np.asarray(self._states()[:, :, 0].any(axis=1))
 
     def grasp_heading(self) -> np.ndarray:
-        yaw, heading = yaws_of(self.view)[np.arange(self.view.n), self._which()], self._heading()
-        return yaw + np.pi * np.round((heading - yaw) / np.pi)
+        return yaws_of(self.view)[np.arange(self.view.n), self._which()]
 
     def goal(self) -> tuple[np.ndarray, np.ndarray]:
         return self.view.site_pos("basket") + np.array([0.0, 0.0, DROP_M]), np.zeros(self.view.n)

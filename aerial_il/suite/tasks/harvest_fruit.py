@@ -48,6 +48,7 @@ RESERVE_SHARE = 0.5  # of the thrust beyond a robot's weight that it pulls up wi
 PLANTS_LOW, PLANTS_HIGH = np.array([-0.25, -0.36]), np.array([0.25, 0.10])
 BASKET_LOW, BASKET_HIGH = np.array([-0.20, 0.28]), np.array([0.20, 0.38])
 APART_M = 0.15
+LEAF_YAW_RAD = np.deg2rad(45.0)  # either way of the x axis, before or behind its fruit
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.2]), np.array([0.3, 0.3, 1.4])
 RIPE, UNRIPE = ("ripe_a", "ripe_b"), ("unripe_a", "unripe_b")
 FRUITS = (*RIPE, *UNRIPE)  # sites, actuators, and the first sensors; the ripe ones are joints too
@@ -124,7 +125,7 @@ class HarvestFruit(Task):
         side = rng.choice([-1.0, 1.0])  # of the table on which the basket stands
         places = places_apart(rng, PLANTS_LOW, PLANTS_HIGH, COUNT, apart=APART_M) * [1.0, side]
         for name, pos in zip(FRUITS, places, strict=True):
-            grow(view, world, name, pos, rng.uniform(-np.pi, np.pi))
+            grow(view, world, name, pos, rng.uniform(-LEAF_YAW_RAD, LEAF_YAW_RAD) + np.pi * rng.integers(2))
         basket = rng.uniform(BASKET_LOW, BASKET_HIGH) * [1.0, side]
         view.mocap_pos[world, view.mocap_id("basket")] = [*basket, TABLE_HEIGHT_M]
 
