@@ -14,7 +14,7 @@ ASTRAY_M = 0.007  # beside the middle of a hook, over its walls, from where on t
 WALLS_M = WALL_M - BEAM_HALF_M[2]  # from the beam where it is to lie to where it comes between the walls
 ALONG_M = 0.02  # of its middle from the frame's
 
-turn_to_frame = measured.number(assemble_frame.turn_to_frame)
+beam_turn = measured.number(assemble_frame.beam_turn)
 beside_hooks = measured.number(assemble_frame.beside_hooks)
 over_hooks = measured.number(assemble_frame.over_hooks)
 beam_yaw = measured.number(assemble_frame.beam_yaw)
@@ -38,7 +38,7 @@ class AssembleFrameExpert(SetDownExpert):
         return yaw + np.pi * np.round((heading - yaw) / np.pi)
 
     def goal(self) -> tuple[np.ndarray, np.ndarray]:
-        return self.view.site_pos("frame"), self._heading() + turn_to_frame(self.view)
+        return self.view.site_pos("frame"), self._heading() + beam_turn(self.view)
 
     def done(self) -> np.ndarray:
         return assembled(self.view)

@@ -31,7 +31,7 @@ def assert_same_step(timestep: dm_env.TimeStep, info: dict[str, np.ndarray], res
     for name, value in info.items():
         np.testing.assert_array_equal(value, result.info[name][world], err_msg=name)
     assert timestep.reward == result.reward[world]
-    assert info["crash"] == result.terminated[world]
+    assert (info["crash"] | info["dropped"]) == result.terminated[world]
 
 
 @each_cell_and_level

@@ -106,7 +106,7 @@ class AssembleFrame(Task):
             direction("frame_heading", "of twice the frame's yaw", labels=("cos2", "sin2")),
             seen("tool_to_beam", "from the tool to the middle of the beam"),
             seen("beam_to_frame", "from the beam's middle to where it is to be"),
-            seen("turn_to_frame", "by which the beam is to be turned, within ±90°", 1, unit="rad", frame="about z"),
+            seen("beam_turn", "by which the beam is to be turned, within ±90°", 1, unit="rad", frame="about z"),
             felt("wrist_force", "contact force of the gripper on other things", real=False),
         )
 
@@ -120,7 +120,7 @@ def observe(world, found):
     found[8], found[9] = doubled_heading(world, FRAME)
     put(found, 10, sub(beam, tool_pos(world)))
     put(found, 13, sub(frame, beam))
-    found[16] = turn_to_frame(world)
+    found[16] = beam_turn(world)
     put(found, 17, force(world, 0))
 
 
@@ -140,7 +140,7 @@ def lost(world):
 def progress(world, flags):
     beam, held = site_pos(world, BEAM), grasped(world)
     lifted = held and beam[2] >= TABLE_HEIGHT_M + FLOOR_M + BEAM_HALF_M[2] + LIFTED_M
-    near = planar_norm(sub(beam, site_pos(world, FRAME))) <= OVER_FRAME_M and abs(turn_to_frame(world)) <= ALIGNED_RAD
+    near = planar_norm(sub(beam, site_pos(world, FRAME))) <= OVER_FRAME_M and abs(beam_turn(world)) <= ALIGNED_RAD
     flags[0], flags[1], flags[2], flags[3] = norm(sub(beam, tool_pos(world))) <= 0.03, held, lifted, held and near
     flags[4], flags[5] = in_hook(world, -HOOK_M) or in_hook(world, HOOK_M), assembled(world)
 
@@ -153,7 +153,7 @@ def reward(world):
         return 0.8 + 0.2 * clip(away / CLEAR_OF_BEAM_M, 0.0, 1.0)
     if grasped(world):
         beside = planar_norm(sub(beam, frame))
-        straight = closeness(turn_to_frame(world), ALIGNED_RAD)
+        straight = closeness(beam_turn(world), ALIGNED_RAD)
         low = closeness(beam[2] - frame[2], 0.05)
         return 0.4 + 0.1 * closeness(beside, 0.15) + 0.1 * closeness(beside, 0.01) * straight * (1.0 + low)
     return 0.3 * closeness(away, 0.2)
@@ -221,7 +221,7 @@ def beam_yaw(world):
 
 
 @kernel
-def turn_to_frame(world):
+def beam_turn(world):
     """Angle about the vertical by which the beam is to be turned to lie along the frame, rad, within ±90°."""
     c, s = doubled_heading(world, BEAM)
     to_c, to_s = doubled_heading(world, FRAME)

@@ -52,6 +52,7 @@ SHOWN = {"m": (100.0, "cm"), "m/s": (100.0, "cm/s"), "rad": (180.0 / math.pi, "�
 DECIMALS = {"°": 0, "°/s": 0, "%": 0}  # 1 for other units
 POLES = ("ahead", "back"), ("left", "right"), ("up", "down")
 TURNS = ("left", "right"), ("nose down", "nose up"), ("roll right", "roll left")
+FACES = {"cos2": 2, "cos4": 4}  # from how many sides a thing looks the same, by the label of its heading
 PLAIN = (("", ""),)
 
 
@@ -103,7 +104,7 @@ def _task_reading(field: Field, spec: ObservationSpec) -> Reading | None:
         case (2,), "" if name == "heading_error":
             return Reading("turn", TURNS[:1], "rad", lambda obs: [_angle(obs[name])])
         case (2,), "" if name.endswith("_heading") and has_tool and "heading_error" not in spec.names:
-            return Reading(f"turn to {thing}", TURNS[:1], "rad", _to_heading(name, 4 if "cos4" in field.labels else 1))
+            return Reading(f"turn to {thing}", TURNS[:1], "rad", _to_heading(name, FACES.get(field.labels[0], 1)))
         case (2,), "" if name.endswith("_direction"):
             return Reading(title, TURNS[:1], "rad", lambda obs: [wrap_angle(_angle(obs[name]) - heading(obs))])
         case (3,), "m/s":
