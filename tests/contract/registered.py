@@ -54,9 +54,7 @@ def levels(robot: str) -> tuple[str, ...]:
 
 
 def each_cell_with(name: str, values_of: Callable[[str], tuple[str, ...]]) -> pytest.MarkDecorator:
-    """Every cell with every value of ``name``: of the main robots the first, and in the sample one of the others.
-
-    The rest is marked slow.
+    """Every cell with every value of ``name``: in the sample the first and one of the others; the rest is marked slow.
 
     Args:
         name: of the argument. values_of: its values for a robot.
@@ -65,7 +63,7 @@ def each_cell_with(name: str, values_of: Callable[[str], tuple[str, ...]]) -> py
     for i, cell in enumerate(CELLS):
         values = values_of(cell[0])
         for k, value in enumerate(values):
-            in_turn = (k == 0 and cell in OFTEN) or (cell in SAMPLE and k == 1 + i % (len(values) - 1))
+            in_turn = cell in SAMPLE and k in (0, 1 + i % (len(values) - 1))
             cases.append(pytest.param(*cell, value, marks=() if in_turn else pytest.mark.slow))
     return pytest.mark.parametrize(("robot", "task", name), cases)
 
