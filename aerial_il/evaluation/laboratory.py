@@ -154,10 +154,7 @@ def _row(
     won, first = _outcomes(method, results), results[0]
     count, total = int(won.sum()), won.size
     rng = named_rng(0, "evaluation", "laboratory", method, condition, first.task)
-    seeds_flown = won.shape[1]
-    ci95 = statistics.wilson(round(float(won.mean()) * seeds_flown), seeds_flown)
-    if len(results) > 1:
-        ci95 = _wider(ci95, statistics.bootstrap_trainings(won, rng=rng))
+    ci95 = statistics.success_of_trainings(won, rng=rng)
     change, change_ci95, p_value, lost, gained = 0.0, None, None, (), ()
     if twins is not None:
         before = _matched(method, condition, results, twins)
@@ -165,8 +162,8 @@ def _row(
         if len(results) > 1:
             each = won.mean(axis=0) - before.mean(axis=0)
             worse, better = (round(float(np.maximum(sign * each, 0.0).sum())) for sign in (-1, 1))
-            least = statistics.paired_difference(worse, better, seeds_flown)
-            change_ci95 = _wider(least, statistics.bootstrap_trainings(won - before, rng=rng))
+            least = statistics.paired_difference(worse, better, won.shape[1])
+            change_ci95 = least.hull(statistics.bootstrap_trainings(won - before, rng=rng))
             p_value = statistics.paired_permutation_test(each, rng=rng)
         else:
             seeds = np.array(first.seeds)
@@ -180,11 +177,6 @@ def _row(
         rate=count / total, ci95=ci95, difference=change, difference_ci95=change_ci95, p_value=p_value,
         p_adjusted=p_value, lost=lost, gained=gained, failures=kinds_of(episodes),
     )  # fmt: skip
-
-
-def _wider(least: Interval, resampled: Interval) -> Interval:
-    """Return the hull of both: that of resamples has no width where all outcomes are equal."""
-    return Interval(min(least.lo, resampled.lo), max(least.hi, resampled.hi))
 
 
 def _outcomes(method: str, results: Sequence[EvaluationResult]) -> np.ndarray:

@@ -75,13 +75,12 @@ class Leaderboard:
 
 def trained(run: TrainingRun) -> dict[str, Any]:
     """Return what a result keeps of how its policy came about: method, settings, demonstrations, wall time."""
-    seconds = next((row["elapsed_s"] for row in reversed(run.rows) if "elapsed_s" in row), None)
     dataset, places = run.config.get("dataset", {}), [f"dataset.{name}" for name in PLACES]
     return {
         "algorithm": run.algorithm,
         "policy": run.policy,
         "demonstrations": dataset.get("demonstrations") if isinstance(dataset, Mapping) else None,
-        "seconds": None if seconds is None else round(float(seconds), 1),
+        "seconds": None if run.seconds is None else round(run.seconds, 1),
         "settings": {key: value for key, value in run.settings.items() if key not in places},
     }
 
@@ -177,11 +176,12 @@ def _text(parts: Any) -> str:
 def _standing(robot: str, task: str, tier: str, method: str, results: Sequence[EvaluationResult]) -> Standing:
     won = [np.array([episode.success for episode in result.episodes], float) for result in results]
     count, total = int(sum(each.sum() for each in won)), sum(each.size for each in won)
-    seeds = len({seed for result in results for seed in result.seeds})
-    ci95 = statistics.wilson(round(count / total * seeds), seeds)  # flights of one seed are not independent
-    if len(won) > 1 and len({tuple(result.seeds) for result in results}) == 1:
-        resampled = statistics.bootstrap_trainings(np.array(won), rng=named_rng(0, "leaderboard", robot, task, method))
-        ci95 = Interval(min(ci95.lo, resampled.lo), max(ci95.hi, resampled.hi))
+    if len({tuple(result.seeds) for result in results}) == 1:
+        rng = named_rng(0, "leaderboard", robot, task, method)
+        ci95 = statistics.success_of_trainings(np.array(won), rng=rng)
+    else:
+        seeds = len({seed for result in results for seed in result.seeds})
+        ci95 = statistics.wilson(round(count / total * seeds), seeds)  # flights of one seed are not independent
     how = [result.provenance.get(TRAINED, {}) for result in results]
     seconds = [each["seconds"] for each in how if each.get("seconds") is not None]
     commands = dict.fromkeys(str(result.provenance.get("command", "")) for result in results)

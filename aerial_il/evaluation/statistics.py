@@ -22,6 +22,10 @@ class Interval(NamedTuple):
     lo: float
     hi: float
 
+    def hull(self, other: Interval) -> Interval:
+        """Return the narrowest interval that holds both."""
+        return Interval(min(self.lo, other.lo), max(self.hi, other.hi))
+
 
 NO_INTERVAL = Interval(math.nan, math.nan)
 LEVEL = 0.95  # of confidence, of all intervals
@@ -153,6 +157,21 @@ def bootstrap_trainings(
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))
+
+
+def success_of_trainings(outcomes: np.ndarray, *, rng: np.random.Generator) -> Interval:
+    """Return the interval of the success rate of trainings that flew the same seeds.
+
+    Args:
+        outcomes: (K, N) successes of K trainings on N seeds. rng: source of the resamples.
+
+    Returns:
+        Wilson's over the seeds, since flights of one seed are not independent; of several trainings at least as wide as
+        :func:`bootstrap_trainings`, which has no width where all outcomes are equal.
+    """
+    trainings, seeds = outcomes.shape
+    interval = wilson(round(float(outcomes.mean()) * seeds), seeds)
+    return interval.hull(bootstrap_trainings(outcomes, rng=rng)) if trainings > 1 else interval
 
 
 def newcombe(count_a: int, total_a: int, count_b: int, total_b: int) -> Interval:

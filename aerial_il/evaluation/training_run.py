@@ -97,6 +97,11 @@ class TrainingRun:
         return int(self.rows[-1]["step"]) if self.rows else 0
 
     @property
+    def seconds(self) -> float | None:
+        """Wall time of the training, s; None where nothing was logged."""
+        return next((float(row["elapsed_s"]) for row in reversed(self.rows) if "elapsed_s" in row), None)
+
+    @property
     def flown(self) -> int:
         """Control steps flown while it learned, rollouts on the way not counted; 0 for one that flies none."""
         if self.unit == "environment step":

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from aerial_il.presentation.films.video import Clip
     from aerial_il.workflows.evaluate import Evaluate, Evaluated
     from aerial_il.workflows.parts.environments import EnvironmentReference
-    from aerial_il.workflows.parts.pilots import Pilot
 
     Starts = dict[int, tuple[str, float, float]]  # seed -> what is where, x and y in m
 
@@ -46,8 +45,8 @@ def planned(settings: Evaluate) -> list[Planned]:
     """
     from aerial_il.workflows.evaluate import runs_of
 
-    conditions, methods = _conditions(settings), _methods(settings)
-    every = runs_of(settings)
+    conditions, every = _conditions(settings), runs_of(settings)
+    methods = _methods([each.policy for each in every])
     for each in every:
         _check_noticed(each, conditions)
     plan, filmed = list[Planned](), set[str]()
@@ -82,9 +81,12 @@ def laboratory(settings: Evaluate, *, each: Callable[[Planned, Evaluated], None]
     flown: dict[str, dict[str, list[EvaluationResult]]] = {}
     plan = planned(settings)
     films: list[tuple[str, Clip]] = []
+    starts: dict[str, Starts] = {}  # of each task
     several = len({one.method for one in plan}) > 1
     for one in plan:
         made = evaluate(one.settings)
+        if made.pilot.task not in starts:
+            starts[made.pilot.task] = _starts_of(made.pilot.reference, one.settings)
         flown.setdefault(one.method, {}).setdefault(one.condition.label, []).append(made.result)
         if film := typical_failure(made.result, footage_of(Path(one.settings.out), made.result).clips):
             who = f"{one.method}, {one.condition.label}" if several else one.condition.label
@@ -93,7 +95,7 @@ def laboratory(settings: Evaluate, *, each: Callable[[Planned, Evaluated], None]
     found = compared(flown, plan[0].condition.label)
     out, command = Path(settings.out), command_line(["evaluate", *words_of(settings)])
     write_json(out / FILE_NAME, {"schema": SCHEMA, "command": command, **found.to_dict()})
-    page = write_conditions(out / PAGE, found, flown, starts=_starts(plan), films=films, command=command)
+    page = write_conditions(out / PAGE, found, flown, starts=starts, films=films, command=command)
     return found, page
 
 
@@ -116,16 +118,14 @@ def _conditions(settings: Evaluate) -> list[Condition]:
     return every
 
 
-def _methods(settings: Evaluate) -> dict[str, str]:
+def _methods(folders: list[str]) -> dict[str, str]:
     """Return folder of a run -> what all trainings of its kind have in common, of a sweep; else nothing."""
     from aerial_il.evaluation.training_run import is_run, read_run
     from aerial_il.presentation.pages.run_report import grouped
-    from aerial_il.workflows.evaluate import runs_of
 
-    folders = [each.policy for each in runs_of(settings)]
-    runs = [read_run(folder) for folder in folders if is_run(folder)]
     if len(folders) < 2:
         return {}
+    runs = [read_run(folder) for folder in folders if is_run(folder)]
     return {str(run.path): label for label, members in grouped(runs).items() for run in members}
 
 
@@ -133,8 +133,9 @@ def _check_noticed(settings: Evaluate, conditions: list[Condition]) -> None:
     """Refuse conditions that change nothing for this robot or this policy."""
     from aerial_il import robots
     from aerial_il.suite import tiers
+    from aerial_il.workflows.parts import pilots
 
-    pilot = _pilot(settings)
+    pilot = pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)
     if pilot.reference.env:
         raise InvalidValueError(f"conditions are disturbances of the suite; {settings.policy} flies outside of it.")
     robot = robots.get(pilot.robot)
@@ -146,16 +147,6 @@ def _check_noticed(settings: Evaluate, conditions: list[Condition]) -> None:
                 reason = f"{settings.policy} looks through no camera"
             if reason:
                 raise InvalidValueError(f"conditions={condition.label} would change nothing: {reason}. Leave it out.")
-
-
-def _starts(plan: list[Planned]) -> dict[str, Starts]:
-    """Return task -> where its flights start."""
-    found: dict[str, Starts] = {}
-    for one in plan:
-        pilot = _pilot(one.settings)
-        if pilot.task not in found:
-            found[pilot.task] = _starts_of(pilot.reference, one.settings)
-    return found
 
 
 def _starts_of(reference: EnvironmentReference, settings: Evaluate) -> Starts:
@@ -172,9 +163,3 @@ def _starts_of(reference: EnvironmentReference, settings: Evaluate) -> Starts:
             obs = env.reset(np.resize(part, env.num_envs))
             where |= {int(seed): (place, *obs[place][k, :2].tolist()) for k, seed in enumerate(part)}
     return where
-
-
-def _pilot(settings: Evaluate) -> Pilot:
-    from aerial_il.workflows.parts import pilots
-
-    return pilots.pilot(settings.policy, robot=settings.robot, task=settings.task, action=settings.action)

@@ -61,7 +61,7 @@ def write_run_report(
         clips=embedded(films.clips),
         film_note=films.note,
         end_words=END_WORDS,
-        seconds=next((row["elapsed_s"] for row in reversed(run.rows) if "elapsed_s" in row), None),
+        seconds=run.seconds,
         command=run.command.get("command", ""),
         settings=flat(run.config),
         provenance=flat(run.provenance),

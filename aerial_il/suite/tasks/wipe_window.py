@@ -9,7 +9,7 @@ import numpy as np
 
 from aerial_il.control.dynamics import put
 from aerial_il.core.kernels import kernel
-from aerial_il.core.rotations import add, closeness, column, dot, norm, rotate, rotate_back, sub
+from aerial_il.core.rotations import add, closeness, norm, rotate, rotate_back, sub
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.feasibility import infeasible_pressing
@@ -33,10 +33,17 @@ from aerial_il.suite.props.dirt import CELLS, COLUMNS, PATCHES, cell_middle, con
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.window import PANE_HALF_M, add_window
 from aerial_il.suite.tasks.fields import EXACT, felt, seen
+from aerial_il.suite.tasks.inspect_contact import (
+    FORCE_N,
+    FORCE_TOLERANCE_N,
+    along_normal,
+    at_force,
+    in_band,
+    normal_force,
+)
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S, SUBSTEPS
 
-FORCE_N, FORCE_TOLERANCE_N = 5.0, 2.0
 BREAKING_N = 15.0
 WIPED_SHARE = 0.9
 WIPED_M = 0.025  # from the fingertips to the middle of a patch
@@ -50,7 +57,7 @@ START_LOW, START_HIGH = np.array([-0.75, -0.25, 1.1]), np.array([-0.55, 0.25, 1.
 DIRTY, LEFT, BROKEN, TOUCHED = range(4)  # in the task's state: cells with dirt, as bits, at the start and now; flags
 TRAIL, PRESSED, IN_BAND = 4, 6, 7  # point that trails the fingertips, m (2); physics steps in contact, in the band
 TRAIL_SHARE = 1.0 - math.exp(-CONTROL_DT_S / SLIDING_S)
-PANE, WINDOW = 0, 0  # site, mocap body
+PANE, WINDOW = 0, 0  # site, mocap body; the pane and the force on it are numbered as the plate of `inspect_contact`
 ON_WINDOW, BY_TOOL = range(2)  # forces: on the pane, and what a sensor in the wrist feels
 GONE = (0.0, 0.0, -1.0)  # where dirt is that has been wiped off, m
 
@@ -220,36 +227,9 @@ def wiping(world):
 
 
 @kernel
-def at_force(world):
-    """Whether the force has been the one asked for at every physics step of the last control step."""
-    inside = 0
-    for tick in range(SUBSTEPS):
-        inside += in_band(along_normal(world, force_sample(world, tick)))
-    return inside == SUBSTEPS
-
-
-@kernel
-def in_band(newtons):
-    """Whether a normal force, N, is the one asked for."""
-    return abs(newtons - FORCE_N) <= FORCE_TOLERANCE_N
-
-
-@kernel
 def in_touch(world):
     """Whether the robot was in contact with the pane at the last control step."""
     return task_state(world)[TOUCHED] > 0.0
-
-
-@kernel
-def normal_force(world):
-    """Force with which the robot presses the pane, N."""
-    return along_normal(world, force(world, ON_WINDOW))
-
-
-@kernel
-def along_normal(world, vector):
-    """Component of a force on the pane, world frame, N, that presses it along its normal, N."""
-    return -dot(column(site_mat(world, PANE), 2), vector)
 
 
 @kernel
