@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from aerial_il.control.allocation import mixer_matrix, wrench_matrix
-from aerial_il.control.dynamics import forward_kinematics, tool_pose
+from aerial_il.control.dynamics import forward_kinematics, momentum, tool_pose
 from aerial_il.control.scratch import SCRATCH, make_scratch
 from aerial_il.control.vehicle import GRAVITY, Vehicle, alone
 from aerial_il.control.whole_body import find_posture
@@ -192,6 +192,13 @@ class Robot:
         forward_kinematics(record, (0.0, 0.0, 0.0), IDENTITY, np.asarray(joints, float), 0, frames)
         pos, rot = tool_pose(record, frames)
         return np.array(pos), np.reshape(rot, (3, 3))
+
+    def centre_at(self, joints: tuple[float, ...]) -> np.ndarray:
+        """Centre of mass (3,) m of base, arm and gripper in the base frame for joint positions (J,) rad."""
+        record, frames, still = self.record, make_scratch().frames, (0.0, 0.0, 0.0)
+        forward_kinematics(record, still, IDENTITY, np.asarray(joints, float), 0, frames)
+        _, _, centre, _ = momentum(record, frames, still, IDENTITY, still, still, np.zeros(self.num_joints))
+        return np.array(centre)
 
     @cached_property
     def hang(self) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY, Gains
+from aerial_il.robots.parts.gripper import PAD_CONTACT
 from aerial_il.robots.robot import Robot
 
 STEADY_SHARE = 0.2  # of its weight a vehicle pulls sideways with, in wind too
@@ -69,4 +70,20 @@ def infeasible_upright_hold(robot: Robot) -> str | None:
     axes = robot.vehicle.link_axis
     if robot.actuation == "under" and np.linalg.matrix_rank(axes) < 2:
         return "its base tilts when it moves sideways, and its arm cannot rotate about two axes to keep a peg upright"
+    return None
+
+
+def infeasible_standing(robot: Robot) -> str | None:
+    """Say why ``robot`` cannot stand on a bar that its gripper holds below it, rotors at rest, or None if it can.
+
+    With the tool straight down its weight tips it over the pads, which friction alone keeps from turning on the bar.
+    """
+    weight, gripper = robot.vehicle.mass * GRAVITY, robot.gripper
+    lever = float(np.hypot(*(robot.centre_at(robot.rest_down) - robot.tool_at(robot.rest_down)[0])[:2]))
+    held = 2.0 * PAD_CONTACT["friction"][0] * gripper.force * gripper.pad_height
+    if weight * lever > held:
+        return (
+            f"standing on its gripper it would tip over: its centre of mass is {100 * lever:.1f} cm beside the fingers, "
+            f"{weight * lever:.1f} N m, and the pads hold {held:.2f} N m"
+        )
     return None

@@ -47,6 +47,11 @@ class Gripper:
         return 0.3 * self.finger_length
 
     @property
+    def palm_half(self) -> float:
+        """Half thickness of the palm: from the end of the last link to the palm's face, m."""
+        return 0.12 * self.finger_length
+
+    @property
     def inertia(self) -> tuple[float, float, float]:
         """Nominal diagonal inertia about the gripper's centre of mass, kg m²."""
         width, depth = 2.0 * self.stroke, self.finger_length
@@ -57,8 +62,7 @@ class Gripper:
         box = mujoco.mjtGeom.mjGEOM_BOX
         palm_mass, finger_mass = 0.6 * self.mass, 0.2 * self.mass
         palm = link.add_body(name="palm", pos=start)
-        thickness = 0.12 * self.finger_length
-        size = [thickness, self.stroke + 0.012, self.pad_height]
+        size = [self.palm_half, self.stroke + 0.012, self.pad_height]
         palm.add_geom(name="palm", type=box, size=size, mass=palm_mass, rgba=METAL, **ROBOT)
         tendon = spec.add_tendon(name="gripper")
         for side, sign in (("left", 1.0), ("right", -1.0)):
