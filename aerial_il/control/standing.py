@@ -10,7 +10,6 @@ reference that is no longer below brings the thrust back at once.
 from __future__ import annotations
 
 from aerial_il.control import controller_state as layout
-from aerial_il.control.dynamics import vec
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, norm
 

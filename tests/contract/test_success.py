@@ -52,6 +52,7 @@ from tests.contract.rules_of_objects import (
     slider_at_end,
     spoke_over_mark,
 )
+from tests.contract.rules_of_perch import PERCHED, flown_off
 from tests.contract.rules_of_poses import (
     HOVER,
     LAND,
@@ -144,6 +145,7 @@ RULES = {
     "inspect_contact": Rule(probe_on_spot, PROBE),
     "land": Rule(on_the_pad, LAND),
     "open_door": Rule(door_open, joint_families("door", np.deg2rad(60.0), 1.85, "door", 0.02)),
+    "perch": Rule(flown_off, PERCHED),
     "pick_moving": Rule(cube_in_bowl, CUBE),
     "pick_place": Rule(cube_in_bowl, CUBE),
     "place_green": Rule(one_cube_in_bowl("green_cube", "orange_cube"), one_of_two("green_cube", "orange_cube")),

@@ -13,7 +13,7 @@ from aerial_il.core.rotations import clip, closeness, column, dot, norm, planar_
 from aerial_il.core.specs import Field
 from aerial_il.robots.robot import Robot
 from aerial_il.suite.feasibility import infeasible_standing
-from aerial_il.suite.physics.contact_sensors import ROBOT, add_force_sensor, add_touch_sensor
+from aerial_il.suite.physics.contact_sensors import add_force_sensor, add_touch_sensor
 from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import (
     Names,
@@ -47,7 +47,8 @@ PERCH_LOW, PERCH_HIGH = np.array([-0.25, -0.25, 0.5]), np.array([0.25, 0.25, 0.7
 YAW_RAD = np.deg2rad(60.0)
 START_LOW, START_HIGH = np.array([-0.3, -0.3, 1.1]), np.array([0.3, 0.3, 1.3])
 PERCH = BASE = ANYTHING = 0  # site; joint; contact sensor
-STEPS, DONE = range(2)  # what is remembered: for how many it has been perched, and 1 once they were enough
+# What is remembered: for how many steps it has been perched, 1 once they were enough, what the rotors give.
+STEPS, DONE, SHARE = range(3)
 
 
 class Perch(Task):
@@ -90,6 +91,7 @@ class Perch(Task):
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
+        view.task_state[world, SHARE] = 1.0
         place(view, world, "perch", rng.uniform(PERCH_LOW, PERCH_HIGH), yaw=rng.uniform(-YAW_RAD, YAW_RAD))
 
     def fields(self) -> tuple[Field, ...]:
@@ -97,8 +99,8 @@ class Perch(Task):
             seen("perch_pos", "middle of the bar"),
             direction("perch_yaw", "of twice the yaw of the bar", labels=("cos2", "sin2")),
             seen("tool_to_perch", "from the tool to it"),
-            seen("thrust_share", "of the rotors, of what hovering takes", 1, unit="", frame="", noise=EXACT),
-            seen("perched_s", "how long it has stood on the bar; 5 once it may leave", 1, unit="s", frame="", noise=EXACT),
+            seen("thrust_share", "of its weight that its rotors give", 1, unit="", labels=("now",), noise=EXACT),
+            seen("perched_s", "how long it has been perched; 5 once it may go", 1, unit="s", noise=EXACT),
         )
 
 
@@ -108,14 +110,14 @@ def observe(world, found):
     put(found, 0, bar)
     found[3], found[4] = mat[0] * mat[0] - mat[3] * mat[3], 2.0 * mat[0] * mat[3]
     put(found, 5, sub(bar, tool_pos(world)))
-    found[8] = thrust_share(world)
-    found[9] = perched_s(world)
+    found[8], found[9] = task_state(world)[SHARE], perched_s(world)
 
 
 @kernel
 def remember(world):
-    """Count the control steps for which it has been perched."""
+    """Count the control steps for which it has been perched, and note the thrust."""
     state = task_state(world)
+    state[SHARE] = thrust_share(world)
     state[STEPS] = state[STEPS] + 1.0 if perching(world) else 0.0
     if state[STEPS] >= ENOUGH_STEPS:
         state[DONE] = 1.0
