@@ -83,7 +83,7 @@ def infeasible_standing(robot: Robot) -> str | None:
     held = 2.0 * PAD_CONTACT["friction"][0] * gripper.force * gripper.pad_height
     if weight * lever > held:
         return (
-            f"standing on its gripper it would tip over: its weight acts {100 * lever:.1f} cm beside the fingers, a torque "
-            f"of {weight * lever:.1f} N m, and their pads hold {held:.2f} N m"
+            f"standing on its gripper it would tip over: its weight acts {100 * lever:.1f} cm beside the fingers, with "
+            f"{weight * lever:.1f} N m, and their pads hold {held:.2f} N m"
         )
     return None

@@ -99,8 +99,8 @@ class Perch(Task):
             seen("perch_pos", "middle of the bar"),
             direction("perch_yaw", "of twice the yaw of the bar", labels=("cos2", "sin2")),
             seen("tool_to_perch", "from the tool to it"),
-            seen("thrust_share", "of its weight that its rotors give", 1, unit="", labels=("now",), noise=EXACT),
-            seen("perched_s", "how long it has been perched; 5 once it may go", 1, unit="s", noise=EXACT),
+            seen("thrust_share", "rotors, of the weight", 1, unit="", frame="", labels=("now",), noise=EXACT),
+            seen("perched_s", "how long it has been perched; 5 once it may go", 1, unit="s", frame="", noise=EXACT),
         )
 
 
