@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il import robots
 from aerial_il.experts.perch import CLOSE, PerchExpert, thrust_share
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.props.perch import BAR_HALF_M
-from aerial_il.suite.tasks.perch import DONE, ENOUGH_STEPS, SQUEEZE_N, STEPS
+from aerial_il.suite.tasks.perch import DONE, ENOUGH_STEPS, SQUEEZE_N, STEPS, TASK
 from tests.contract.registered import batch, fly_until_solved
 
 ROBOT, N = "mini_quad_gripper", 3
@@ -167,3 +170,12 @@ def test_the_expert_grips_anew_when_it_has_slipped_off() -> None:
     view.qpos[:, 2] += 0.3
     worlds.set_state(worlds.get_state())
     assert fly_until_solved(worlds, expert).all()
+
+
+def test_who_would_tip_over_or_cannot_reach_around_the_bar_is_refused() -> None:
+    robot = robots.get(ROBOT)
+    aside = replace(robot, arm=replace(robot.arm, mount=(0.05, 0.0, -0.03)))
+    narrow = replace(robot, gripper=replace(robot.gripper, stroke=0.025))
+    assert TASK.infeasibility(robot) is None
+    assert "4.5 cm beside the fingers" in str(TASK.infeasibility(aside))
+    assert "opens 5.0 cm" in str(TASK.infeasibility(narrow))
