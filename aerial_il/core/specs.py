@@ -15,9 +15,17 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
 Group = Literal["proprio", "task", "image"]
+Observations = Literal["truth", "onboard"]  # what a policy acts on: all that the simulator knows, or a robot's own
 CONDITIONS = ("tier", "disturbances", "controller", "options")  # of a specification: what may change under a policy
 FIRST_NAMED = ("robot", "task", "tier", "controller", "action.level")  # of what differs between two
-DESCRIBES = ("frame", "meaning", "noise", "real", "instruction")  # a field or a task, and may be said otherwise
+DESCRIBES = (
+    "frame",
+    "meaning",
+    "noise",
+    "real",
+    "onboard",
+    "instruction",
+)  # a field or a task, and may be said otherwise
 UNKNOWN = "unknown"  # what a foreign dataset does not tell
 NO_CONTROLLER = "none"  # of environments from outside the suite, whose actions are their own
 
@@ -35,7 +43,8 @@ class Field:
         labels: one label per element for one-dimensional fields.
         frame: in which it is given, e.g. ``world``; ``world from tool`` for a rotation; empty where none matters.
         meaning: what it is, a clause. noise: how it differs from the truth, and when. real: a robot could measure it.
-            These four describe the field; two that differ in nothing else are alike.
+            onboard: of a task's field, that a robot knows it without looking, such as what it feels or is told. These
+            five describe the field; two that differ in nothing else are alike.
     """
 
     name: str
@@ -48,6 +57,12 @@ class Field:
     meaning: str = field(default="", compare=False)
     noise: str = field(default="", compare=False)
     real: bool = field(default=True, compare=False)
+    onboard: bool = field(default=False, compare=False)
+
+    @property
+    def is_onboard(self) -> bool:
+        """Whether a robot has it by itself: what it measures of itself, feels, is told, or its cameras' images."""
+        return self.group != "task" or self.onboard
 
     @property
     def size(self) -> int:
@@ -92,6 +107,11 @@ class ObservationSpec:
     def state_names(self) -> tuple[str, ...]:
         """Names of all fields that are not images: proprioception first, then the task's."""
         return tuple(f.name for g in ("proprio", "task") for f in self.fields if f.group == g)
+
+    @property
+    def to_be_seen(self) -> tuple[str, ...]:
+        """Names of what a robot has to look for: where objects are and how they stand."""
+        return tuple(f.name for f in self.fields if not f.is_onboard)
 
     def of_group(self, group: Group) -> tuple[Field, ...]:
         return tuple(f for f in self.fields if f.group == group)

@@ -192,5 +192,6 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
             **({"execution": said} if (said := getattr(policy, "execution", AS_TRAINED).said) else {}),
         },
         "policy_sha256": checkpoint.digest(saved) if saved else getattr(policy, "sha256", None),
+        "observations": getattr(policy, "observations", "truth"),
         "torch_threads": torch.get_num_threads() if torch else None,
     }

@@ -57,9 +57,12 @@ def _rebuilt(saved: Checkpoint) -> ChunkPolicy:
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
     from aerial_il.policies.parts.gated import GATE, GatedPolicy
     from aerial_il.policies.parts.residual import RESIDUAL, ResidualPolicy
+    from aerial_il.policies.perception.policy import PERCEPTION, PerceivingPolicy
 
     if RESIDUAL in saved.config:
         return ResidualPolicy.around(saved, _rebuilt)
+    if PERCEPTION in saved.config:
+        return PerceivingPolicy.around(saved, _rebuilt)
 
     kind = get(saved.config["policy"])
     known = [each.name for each in fields(kind)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,12 +12,14 @@ from aerial_il.core.checks import make_tuples
 from aerial_il.core.composition import build, chosen, plain
 from aerial_il.core.computer import HELD_MB
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import Observations
 from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
 
 if TYPE_CHECKING:
     from aerial_il.data.episode import Episode
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+    from aerial_il.policies.parts.network import PolicySettings
     from aerial_il.workflows.parts.environments import EnvironmentReference
 
 COMMAND = "command.json"  # in the run's folder: what leads to it
@@ -82,6 +84,8 @@ class Train:
         max_steps: time limit there (null: its own).
         tier: how rough the air is where robot= and task= are (null: calm, or any dataset's).
         action: action level there (null: ee_pose, or any dataset's).
+        observations: what the policy may act on: truth, or onboard, which hides where objects are: images, the robot's
+            own state, what it feels and what it is told are left.
         horizon: steps of 20 ms of an episode there, which success does not end (null: up to success, or as in any
             dataset).
         seed: seed of the initial weights, validation split and minibatches.
@@ -113,6 +117,7 @@ class Train:
     max_steps: int | None = None
     tier: MaybeTier = None
     action: str | None = None
+    observations: Observations = "truth"
     horizon: int | None = None
     seed: int = 0
     evaluate_every: int | None = None
@@ -167,6 +172,8 @@ def train(settings: Train) -> ChunkPolicy:
             "dataset.language=true is for algorithms that do not fly while they learn, e.g. algorithm=bc: "
             f"nobody tells {algorithm.name} in words what to do there."
         )
+    if settings.observations == "onboard":
+        policy = _onboard(policy)
     for path in dataset.paths:
         algorithm, policy = suited(path, algorithm, policy, by_hand=dataset.by_hand, reading=dataset)
     own = {name: getattr(settings, name) for name in ("env", "robot", "task", "tier", "action", "horizon")}
@@ -191,6 +198,18 @@ def train(settings: Train) -> ChunkPolicy:
             episodes, policy, run=settings.run, seed=settings.seed, evaluate=evaluate,
             resume=settings.resume, progress=settings.progress, **handed,
         )  # fmt: skip
+
+
+def _onboard(policy: PolicySettings) -> PolicySettings:
+    """Return a policy that is not shown what a robot does not know by itself."""
+    from aerial_il.policies.parts.layout import TO_BE_SEEN
+
+    if not policy.images:
+        raise InvalidValueError(
+            "observations=onboard hides where objects are, and the policy sees no images: name some of the dataset, "
+            "e.g. policy.images=[wrist_rgb,base_rgb]."
+        )
+    return replace(policy, masked_fields=(*policy.masked_fields, TO_BE_SEEN))
 
 
 def command(settings: Train) -> str:

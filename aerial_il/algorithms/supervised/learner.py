@@ -7,13 +7,12 @@ from collections.abc import Mapping
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from aerial_il.algorithms.run.metrics import MetricMeans
 from aerial_il.algorithms.run.state import Snapshot, load_weights, weights_of
 from aerial_il.algorithms.run.train_state import Follower, TrainState, adamw
 from aerial_il.core.errors import InvalidValueError, TrainingDivergedError
-from aerial_il.policies.parts.network import ChunkNetwork
 from aerial_il.policies.parts.prefixed import below, under
 
 HINT = "Lower the learning rate; the last checkpoint is intact."
@@ -50,7 +49,7 @@ def cosine(progress: float, step: int, *, warmup_steps: int, floor: float) -> fl
     return warm * (floor + (1 - floor) * 0.5 * (1 + math.cos(math.pi * min(1.0, progress))))
 
 
-class Learner:
+class Learner[Network: nn.Module]:
     """A network, its optimiser, its averaged weights and its counters.
 
     The average moves exponentially. Early on it follows faster, ``min(ema, (1 + step) / (10 + step))``, to forget the
@@ -69,7 +68,7 @@ class Learner:
         means: of what was logged since the last row of the metrics.
     """
 
-    def __init__(self, network: ChunkNetwork, *, weight_decay: float, ema: float, clip_norm: float) -> None:
+    def __init__(self, network: Network, *, weight_decay: float, ema: float, clip_norm: float) -> None:
         self.network, self.clip_norm = network.train(), clip_norm
         self.step, self.elapsed_s, self.means = 0, 0.0, MetricMeans()
         self._trained = TrainState(network, adamw(network, weight_decay=weight_decay))

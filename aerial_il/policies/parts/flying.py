@@ -17,7 +17,7 @@ from aerial_il.core import language
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
 from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
-from aerial_il.core.specs import CONDITIONS, EnvSpec, ObservationSpec
+from aerial_il.core.specs import CONDITIONS, EnvSpec, Observations, ObservationSpec
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.execution import AS_TRAINED, Execution
 from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
@@ -285,6 +285,11 @@ class FlyingPolicy(ABC):
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
             hint = ANY_ROBOT if spec.robot != self.spec.robot and spec.action == self.spec.action else ""
             raise InvalidValueError(f"The policy was trained for {made}. It differs in: {'; '.join(differing)}.{hint}")
+
+    @property
+    def observations(self) -> Observations:
+        """``onboard`` if it acts on nothing that a robot does not have by itself, else ``truth``."""
+        return "onboard" if not {*self._seen} & {*self.spec.observation.to_be_seen} else "truth"
 
     @property
     def goes_by_words(self) -> bool:

@@ -14,7 +14,7 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.provenance import INSTRUCTION
 
 MEANING = "what the robot is told, a hashed bag of words"
-TOLD = Field(language.FIELD, (language.SIZE,), "task", meaning=MEANING, noise="exact: the user gives it")
+TOLD = Field(language.FIELD, (language.SIZE,), "task", meaning=MEANING, noise="exact: the user gives it", onboard=True)
 
 
 def in_words(episode: Episode) -> Episode:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from aerial_il.policies.parts.network import PolicySettings
 
 TOOL = ("ee_pos", "ee_rot6d")  # what the end effector's pose is observed as
+TO_BE_SEEN = "to_be_seen"  # among masked fields: all that a robot does not know by itself
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class Layout:
         An environment from outside the suite that shows no positions has nothing to anchor.
         """
         hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.masked_fields)}
+        hidden |= {*spec.observation.to_be_seen} if TO_BE_SEEN in config.masked_fields else set()
         counted_from = {config.anchor, *(TOOL if config.relative else ())}
         unseen = (
             () if config.obs_names else tuple(n for n in spec.observation.state_names if n in hidden & counted_from)

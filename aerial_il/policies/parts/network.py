@@ -126,7 +126,8 @@ class PolicySettings(ABC):
             normalised as such, and directions, velocities, orientations and positions relative to the anchor. Its own
             pose is shown in the world.
         obs_names: observation fields; empty for all that are neither images nor named in ``masked_fields``.
-        masked_fields: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown. Fields that
+        masked_fields: fields, or patterns such as ``target_*`` and ``*``, that the network is not shown; ``to_be_seen``
+            stands for all that a robot does not know by itself, such as where objects are. Fields that
             tell what was decided before belong here, such as how far the gripper has closed: a network that sees them
             repeats the decision rather than making it, and cannot recover from a wrong one.
         images: camera fields that it sees beside them, such as ``wrist_rgb``; see :mod:`.vision`.

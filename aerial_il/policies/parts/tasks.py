@@ -44,7 +44,7 @@ def united(specs: Sequence[EnvSpec]) -> EnvSpec:
             if fields.setdefault(field.name, field) != field:
                 raise InvalidValueError(f"{field.name!r} of {spec.task} is not that of the other tasks: {field}.")
     tasks = tuple(sorted({spec.task for spec in specs}))
-    which = [] if language.FIELD in fields else [Field(TASK_ID, (len(tasks),), "task", labels=tasks)]
+    which = [] if language.FIELD in fields else [Field(TASK_ID, (len(tasks),), "task", labels=tasks, onboard=True)]
     return replace(
         first,
         task=AND.join(tasks),

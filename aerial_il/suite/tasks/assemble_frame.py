@@ -25,7 +25,7 @@ from aerial_il.suite.physics.world import Names, force, free_vel, site_mat, site
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.frame import BEAM_HALF_M, FLOOR_M, HOOK_M, add_beam, add_frame, add_supports
 from aerial_il.suite.props.place import place, two_places
-from aerial_il.suite.tasks.fields import direction, felt, seen
+from aerial_il.suite.tasks.fields import direction, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 BESIDE_M, OVER_FLOOR_M, ALONG_M = 0.002, 0.002, 0.03  # of the beam's axis in each hook; of its middle along the frame
@@ -107,7 +107,7 @@ class AssembleFrame(Task):
             seen("tool_to_beam", "from the tool to the middle of the beam"),
             seen("beam_to_frame", "from the beam's middle to where it is to be"),
             seen("beam_turn", "by which the beam is to be turned, within ±90°", 1, unit="rad", frame="about z"),
-            felt("wrist_force", "contact force of the gripper on other things", real=False),
+            wrist_force(),
         )
 
 

@@ -22,15 +22,23 @@ def seen(
     labels: tuple[str, ...] | None = None,
     noise: str = SEEN,
     real: bool = True,
+    onboard: bool = False,
 ) -> Field:
     """Return a field of ``size`` numbers that cameras show; three are along x, y and z unless ``labels`` says else."""
     labels = (XYZ if size == 3 else ()) if labels is None else labels
-    return Field(name, (size,), "task", unit=unit, labels=labels, frame=frame, meaning=meaning, noise=noise, real=real)
+    told = {"unit": unit, "labels": labels, "frame": frame, "meaning": meaning, "noise": noise}
+    return Field(name, (size,), "task", **told, real=real, onboard=onboard)
 
 
 def felt(name: str, meaning: str, size: int = 3, *, frame: str = "world", real: bool = True) -> Field:
     """Return a field of contact forces, N."""
     return seen(name, meaning, size, unit="N", frame=frame, noise=FELT, real=real)
+
+
+def wrist_force(name: str = "wrist_force") -> Field:
+    """Return the field of what a robot feels at its wrist, N."""
+    meaning = "contact force of the gripper on other things"
+    return seen(name, meaning, unit="N", noise=FELT, real=False, onboard=True)
 
 
 def direction(name: str, meaning: str, *, labels: tuple[str, ...] = ("x", "y"), noise: str = SEEN) -> Field:

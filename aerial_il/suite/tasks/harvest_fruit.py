@@ -35,7 +35,7 @@ from aerial_il.suite.physics.world import (
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_bowl, add_table
 from aerial_il.suite.props.fruit import FRUIT_M, RADIUS_M, SNAP_M, STEM_N, add_plant, grow
 from aerial_il.suite.props.place import places_apart
-from aerial_il.suite.tasks.fields import GIVEN, direction, felt, seen
+from aerial_il.suite.tasks.fields import GIVEN, direction, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 IN_BASKET_M = 0.055  # horizontal distance between the middles of fruit and basket
@@ -137,7 +137,7 @@ class HarvestFruit(Task):
             seen("basket_pos", "middle of the basket, at its underside", noise=GIVEN),
             seen("picked", "of each ripe fruit, 1 once it is off its stem", 2, unit="", frame="", labels=("a", "b")),
             *(direction(f"{name}_leaf", "of twice the yaw of its leaf", labels=("cos2", "sin2")) for name in RIPE),
-            felt("wrist_force", "contact force of the gripper on other things", real=False),
+            wrist_force(),
         )
 
 

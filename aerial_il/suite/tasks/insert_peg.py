@@ -17,7 +17,7 @@ from aerial_il.suite.physics.world import Names, force, site_mat, site_pos, tool
 from aerial_il.suite.props import FALLEN_M, TABLE_HEIGHT_M, add_table
 from aerial_il.suite.props.peg import FLOOR_M, PEG_LENGTH_M, PEG_RADIUS_M, add_peg, add_socket
 from aerial_il.suite.props.place import place, two_places
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 INSERTED_M = 0.030  # of the peg's full width below the chamfer; its round nose reaches a radius deeper
@@ -101,7 +101,7 @@ class InsertPeg(Task):
             seen("stand_pos", "mouth of the hole in which the peg stands at the start"),
             seen("tool_to_peg", "from the tool to the middle of the peg"),
             seen("end_to_hole", "from the peg's lower end to the hole", real=False),
-            felt("wrist_force", "contact force of the gripper on other things", real=False),
+            wrist_force(),
         )
 
 

@@ -31,7 +31,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.plate import SPOT_RADIUS_M, TRAVEL_M, add_plate
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import felt, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import SUBSTEPS
 
@@ -106,7 +106,7 @@ class InspectContact(Task):
             seen("plate_pos", "the mark on the plate"),
             seen("plate_rot6d", "first two columns of the plate's rotation", 6, unit="", frame="world from plate"),
             seen("tip_to_plate", "from the fingertips to the mark"),
-            felt("tool_force", "contact force of the gripper on other things", real=False),
+            wrist_force("tool_force"),
             felt("normal_force", "force of the whole robot on the plate", 1, frame="along its normal", real=False),
             seen("slip", "how far the tip has slid since contact began; zero without contact", real=False),
         )

@@ -26,7 +26,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import felt, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 PRESSED_M, DEEPEST_M = 0.008, TRAVEL_M + 0.001
@@ -89,7 +89,7 @@ class PressButton(Task):
             seen("button_rot6d", "first two columns of the button's rotation", 6, unit="", frame="world from button"),
             seen("button_travel", "how far the cap is pressed in", 1, frame="along the button", real=False),
             seen("tip_to_button", "from the fingertips to the cap"),
-            felt("tool_force", "contact force of the gripper on other things", real=False),
+            wrist_force("tool_force"),
             felt("peak_force", "largest force of the whole robot on the button so far", 1, frame="", real=False),
         )
 

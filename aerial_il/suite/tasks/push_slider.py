@@ -16,7 +16,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, force, joint_pos, joint_vel, site_mat, site_pos, tip_pos, untouched
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.slider import FRICTION_N, RAIL_M, add_slider
-from aerial_il.suite.tasks.fields import direction, felt, seen
+from aerial_il.suite.tasks.fields import direction, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 DONE_SHARE = 0.9  # of the rail
@@ -73,7 +73,7 @@ class PushSlider(Task):
             seen("slider_speed", "its speed", 1, unit="m/s", frame="along the rail"),
             seen("tip_to_handle", "from the fingertips to the handle"),
             seen("handle_to_end", "from the handle to the end of its way"),
-            felt("tool_force", "contact force of the gripper on other things", real=False),
+            wrist_force("tool_force"),
         )
 
 

@@ -28,7 +28,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.bulb import FLATS_HALF_M, LEAD_M, SOCKET_DEPTH_M, SOCKET_TOP_M, STOP_RAD, TURNS, add_bulb
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.fields import direction, felt, seen
+from aerial_il.suite.tasks.fields import direction, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 SCREWED_RAD = 2.0 * math.pi * TURNS
@@ -102,7 +102,7 @@ class ScrewBulb(Task):
             seen("turn_rate", "its rate", 1, unit="rad/s", frame="about its axis"),
             seen("depth", "how deep it is in its thread", 1, frame="along its axis"),
             seen("tool_to_bulb", "from the tool to the middle of the flats"),
-            felt("wrist_force", "contact force of the gripper on other things", real=False),
+            wrist_force(),
         )
 
 

@@ -32,7 +32,7 @@ from aerial_il.suite.physics.world import (
 from aerial_il.suite.props.dirt import CELLS, COLUMNS, PATCHES, cell_middle, connected_shape, count, without_cells_near
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.window import PANE_HALF_M, add_window
-from aerial_il.suite.tasks.fields import EXACT, felt, seen
+from aerial_il.suite.tasks.fields import EXACT, felt, seen, wrist_force
 from aerial_il.suite.tasks.inspect_contact import (
     FORCE_N,
     FORCE_TOLERANCE_N,
@@ -132,7 +132,7 @@ class WipeWindow(Task):
             seen("tip_to_dirt", "from the fingertips to the nearest patch of dirt; zero when there is none"),
             seen("dirt", "1 where dirt is left", CELLS, unit="", frame="pane", labels=cells, noise=EXACT),
             seen("wiped", "share of the dirt that has been wiped off", 1, unit="", labels=("share",), noise=EXACT),
-            felt("tool_force", "contact force of the gripper on other things", real=False),
+            wrist_force("tool_force"),
             felt("normal_force", "force of the whole robot on the pane", 1, frame="along its normal", real=False),
         )
 

@@ -1,0 +1,86 @@
+"""Frames: images of single steps, with what was known and what was to be seen in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from torch import Tensor
+
+from aerial_il.core.contracts import Observation
+from aerial_il.core.tensors import tensor
+from aerial_il.data.episode import Episode
+from aerial_il.policies.perception.cameras import MOUNTS
+from aerial_il.policies.perception.eyes import Eyes, labels_of
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Single steps of flights.
+
+    Attributes:
+        obs: field -> (N, ...): images, the robot's own pose and fields, and the truth of what is estimated.
+    """
+
+    obs: Mapping[str, np.ndarray]
+
+    def __len__(self) -> int:
+        return len(next(iter(self.obs.values())))
+
+    @staticmethod
+    def joined(parts: Iterable[Observation], names: Sequence[str]) -> Frames:
+        """Return all steps of ``parts``, of which the fields ``names`` are kept."""
+        listed = list(parts)
+        return Frames({name: np.concatenate([part[name] for part in listed]) for name in names})
+
+
+def kept_fields(eyes: Eyes) -> tuple[str, ...]:
+    """Return the fields that frames for some eyes hold."""
+    poses = [name for pair in MOUNTS.values() for name in pair]
+    targets = [target.field for target in eyes.targets.estimated]
+    return tuple(dict.fromkeys([*(camera.image for camera in eyes.cameras), *poses, *eyes.own, *targets]))
+
+
+def chosen(flights: Sequence[Episode], count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
+    """Return ``count`` steps (flight, step), spread evenly over the flights and at random in each."""
+    whole = [(k, step) for k, flight in enumerate(flights) for step in range(len(flight) + 1)]
+    if count >= len(whole):
+        return whole
+    return [whole[int(i)] for i in np.sort(rng.choice(len(whole), count, replace=False))]
+
+
+def steps_of(flights: Sequence[Episode], steps: Sequence[tuple[int, int]]) -> Iterable[dict[str, np.ndarray]]:
+    """Yield the observations of chosen steps, flight by flight."""
+    for k in sorted({k for k, _ in steps}):
+        rows = [step for flight, step in steps if flight == k]
+        yield {name: values[rows] for name, values in flights[k].obs.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Lessons:
+    """Frames as the network behind each camera learns from them.
+
+    Attributes:
+        images: (N, H, W, 3) uint8. known: (N, K). labels: of each target (N, D). visible: of each place (N,).
+    """
+
+    images: np.ndarray
+    known: Tensor
+    labels: Sequence[Tensor]
+    visible: Sequence[Tensor | None]
+
+    @staticmethod
+    def of(eyes: Eyes, frames: Frames) -> list[Lessons]:
+        """Return one for each camera."""
+        made = []
+        for camera in eyes.cameras:
+            labels, visible = labels_of(eyes, camera, frames.obs)
+            known = tensor(eyes.known(frames.obs, camera.pose(frames.obs)))
+            made.append(Lessons(frames.obs[camera.image], known, labels, visible))
+        return made
+
+    def batch(self, rows: np.ndarray) -> tuple[Tensor, Tensor, list[Tensor], list[Tensor | None]]:
+        """Return images, what is known, labels and what is visible in some rows (B,)."""
+        visible = [None if seen is None else seen[rows] for seen in self.visible]
+        return tensor(self.images[rows]), self.known[rows], [label[rows] for label in self.labels], visible

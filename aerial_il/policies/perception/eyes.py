@@ -1,0 +1,133 @@
+"""All cameras of a robot with what they tell: from observations of n worlds to estimates of what is out there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from aerial_il.core.contracts import Observation
+from aerial_il.core.specs import EnvSpec, ObservationSpec
+from aerial_il.core.tensors import tensor
+from aerial_il.policies.perception.cameras import Camera, Pose
+from aerial_il.policies.perception.network import Eye, split, told_size
+from aerial_il.policies.perception.relations import sources_of
+from aerial_il.policies.perception.targets import PLACE, Targets
+from aerial_il.policies.perception.tracker import Tracker
+
+FORCE_N = 10.0  # by which forces are divided
+LIKELY = 0.0  # logit above which a place is taken to be in the image
+
+
+class Eyes(nn.Module):
+    """A network behind each camera.
+
+    Args:
+        targets: what is estimated. cameras: calibrated. sizes: (H, W) of each one's images.
+        own: fields of its own that the robot knows beside the images. knows: numbers of these. width: of hidden layers.
+    """
+
+    def __init__(
+        self,
+        targets: Targets,
+        cameras: Sequence[Camera],
+        sizes: Sequence[tuple[int, int]],
+        own: Sequence[str],
+        knows: int,
+        width: int,
+    ) -> None:
+        super().__init__()
+        self.targets, self.cameras, self.own, self.width = targets, tuple(cameras), tuple(own), width
+        self.sizes, self.knows = tuple(sizes), knows
+        self.eyes = nn.ModuleList(Eye(targets.estimated, size, knows, width) for size in sizes)
+
+    @staticmethod
+    def of(spec: EnvSpec, images: Sequence[str], targets: Targets, width: int) -> Eyes:
+        """Return new eyes for the images of ``spec``."""
+        own, cameras = own_fields(spec.observation), [Camera.of(spec, image) for image in images]
+        shapes = [spec.observation[image].shape for image in images]
+        sizes = [(height, width) for height, width, _ in shapes]
+        return Eyes(targets, cameras, sizes, own, 4 + spec.observation.size(own), width)
+
+    def known(self, obs: Observation, pose: Pose) -> np.ndarray:
+        """Return (n, K) float32 what a camera's network is told: how it is held, how high, and the robot's own."""
+        down, height = -pose.rot[:, 2], pose.pos[:, 2:]
+        own = [obs[name] / (FORCE_N if name.endswith("_force") else 1.0) for name in self.own]
+        return np.concatenate([down, height, *own], axis=1).astype(np.float32)
+
+    @torch.inference_mode()
+    def tell(self, tracker: Tracker, obs: Observation, mask: np.ndarray) -> None:
+        """Look at the images of the worlds in ``mask`` (n,) bool, and tell the tracker."""
+        tracker.fade(mask)
+        for camera, eye in zip(self.cameras, self.eyes, strict=True):
+            pose = camera.pose(obs)
+            told = eye(tensor(obs[camera.image][mask]), tensor(self.known(obs, pose)[mask])).numpy()
+            self._hand_on(tracker, camera, pose, told, mask)
+
+    def _hand_on(self, tracker: Tracker, camera: Camera, pose: Pose, told: np.ndarray, mask: np.ndarray) -> None:
+        whole = np.zeros((len(mask), told.shape[1]))
+        whole[mask] = told
+        start = 0
+        for target in self.targets.estimated:
+            part = torch.from_numpy(whole[:, start : start + told_size(target)])
+            start += told_size(target)
+            mean, spread, logits = split(target, part)
+            told_of, sigma = mean.numpy(), np.exp(spread.numpy())
+            if target.kind == PLACE:
+                assert logits is not None
+                seen, cov = mask & (logits.numpy() > LIKELY), camera.spread(told_of, sigma)
+                turn = pose.rot
+                values = pose.placed(camera.unproject(told_of))
+                tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2))
+            else:
+                unit = target.scale if sigma.shape[1] == target.size and target.kind == "number" else 1.0
+                variance = np.broadcast_to(np.square(sigma * unit), told_of.shape)
+                tracker.tell(target.field, mask, target.decode(told_of, pose), variance)
+
+    def complete(self, obs: Observation, estimates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return ``field -> (n, D)`` of all that a robot looks for: estimated, constant, and what follows from them."""
+        n = len(next(iter(obs.values())))
+        found = {**{name: np.tile(value, (n, 1)) for name, value in self.targets.constant.items()}, **estimates}
+        if self.targets.sums:
+            sources = {**sources_of(obs, ()), **found}
+            found |= {each.field: each.of(sources) for each in self.targets.sums}
+        return found
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values that rebuild it, but its weights."""
+        return {
+            "targets": self.targets.to_dict(),
+            "cameras": [camera.to_dict() for camera in self.cameras],
+            "sizes": [list(size) for size in self.sizes],
+            "own": list(self.own),
+            "knows": self.knows,
+            "width": self.width,
+        }
+
+    @staticmethod
+    def from_dict(raw: Mapping[str, Any]) -> Eyes:
+        """Undo :meth:`to_dict`."""
+        cameras = [Camera.from_dict(each) for each in raw["cameras"]]
+        sizes = [(int(height), int(width)) for height, width in raw["sizes"]]
+        return Eyes(Targets.from_dict(raw["targets"]), cameras, sizes, raw["own"], int(raw["knows"]), int(raw["width"]))
+
+
+def own_fields(spec: ObservationSpec) -> tuple[str, ...]:
+    """Return what the networks are told of the robot: joints, gripper, and what it feels; not where it is."""
+    felt = [f.name for f in spec.of_group("task") if f.onboard and f.unit == "N"]
+    return tuple(name for name in ("joint_pos", "gripper", *felt) if name in spec.names)
+
+
+def labels_of(eyes: Eyes, camera: Camera, obs: Observation) -> tuple[list[Tensor], list[Tensor | None]]:
+    """Return what a camera's network is to tell of each target in n steps, and of each place whether it is in view."""
+    pose = camera.pose(obs)
+    labels, visible = list[Tensor](), list[Tensor | None]()
+    for target in eyes.targets.estimated:
+        values = obs[target.field]
+        labels.append(tensor(target.encode(values, pose, camera).astype(np.float32)))
+        seen = camera.in_view(pose.seen(values)) if target.kind == PLACE else None
+        visible.append(None if seen is None else tensor(seen.astype(np.float32)))
+    return labels, visible

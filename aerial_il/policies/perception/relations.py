@@ -1,0 +1,79 @@
+"""Displacements that follow from places: found in the data, so that what is estimated of one thing agrees.
+
+A task shows where a cube is, and also how far it is from the tool and the bowl from it. Only the places need to be
+estimated. Which displacements are sums of places, of the tool's pose and of axes, with which coefficients, is read off
+the demonstrations by least squares: it holds in every step, or it is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from aerial_il.core.contracts import Observation
+from aerial_il.core.specs import ObservationSpec
+from aerial_il.policies.parts.relative import rotations
+
+EXACT_M = 1e-3  # root mean square of what a sum may miss
+TOOL = ("ee_pos", "ee_rot6d")
+AXES = ("tool x", "tool y", "tool z")
+
+
+@dataclass(frozen=True)
+class Sum:
+    """A field that is a sum of others: ``terms``, each a source and its coefficient."""
+
+    field: str
+    terms: tuple[tuple[str, float], ...]
+
+    def of(self, sources: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return the field (n, 3)."""
+        return np.sum([factor * sources[name] for name, factor in self.terms], axis=0)
+
+
+def places_of(spec: ObservationSpec) -> tuple[str, ...]:
+    """Return the fields to be seen that are points or displacements in the world, m; those called places first."""
+    found = [n for n in spec.to_be_seen if (spec[n].shape, spec[n].unit, spec[n].frame) == ((3,), "m", "world")]
+    return tuple(sorted(found, key=lambda name: not name.endswith("_pos")))
+
+
+def axes_of(spec: ObservationSpec) -> tuple[str, ...]:
+    """Return the fields to be seen that are unit vectors in the world."""
+    return tuple(n for n in spec.to_be_seen if (spec[n].shape, spec[n].unit, spec[n].frame) == ((3,), "", "world"))
+
+
+def find_sums(spec: ObservationSpec, obs: Observation) -> tuple[Sum, ...]:
+    """Return the places that follow from those before them, from unit vectors and from the tool.
+
+    Args:
+        spec: of the observations. obs: ``name -> (n, ...)`` of steps of several flights.
+    """
+    sources, found = dict(sources_of(obs, axes_of(spec))), list[Sum]()
+    for name in places_of(spec):
+        names = tuple(sources)
+        terms = _solved(np.stack([sources[each].ravel() for each in names], axis=1), obs[name].ravel())
+        if terms is None:
+            sources[name] = obs[name]
+        else:
+            found.append(Sum(name, tuple((n, float(c)) for n, c in zip(names, terms, strict=True) if c)))
+    return tuple(found)
+
+
+def sources_of(obs: Observation, names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Return the tool's position and axes, and the fields of ``names``, each (n, 3)."""
+    tool = rotations(obs[TOOL[1]]) if TOOL[1] in obs else np.zeros((0, 3, 3))
+    own = {TOOL[0]: obs[TOOL[0]], **dict(zip(AXES, np.moveaxis(tool, 2, 0), strict=True))} if len(tool) else {}
+    return {**own, **{name: obs[name] for name in names}}
+
+
+def _solved(columns: np.ndarray, values: np.ndarray) -> np.ndarray | None:
+    """Return coefficients with which columns (3 n, k) sum up to ``values`` (3 n,), or None: they do not."""
+    if not columns.size:
+        return None
+    terms = np.linalg.lstsq(columns, values, rcond=1e-6)[0]
+    whole = np.round(terms)
+    terms = np.where(np.abs(terms - whole) < 1e-3, whole, terms)
+    missed = columns @ terms - values
+    return terms if np.sqrt(3.0 * np.mean(missed**2)) < EXACT_M else None

@@ -1,0 +1,175 @@
+"""What was told, kept over time and over cameras, for n worlds.
+
+A place is followed under two hypotheses, that it rests in the world and that it moves with the tool, each a Kalman
+filter; how likely each is follows from what they predict (interacting multiple models). So nothing says when something
+has been grasped: the images do. All other fields drift as much as they did in the demonstrations. The errors of one
+frame are much like those of the next, so that what is known is forgotten a little with each.
+
+Source: H. Blom and Y. Bar-Shalom, "The Interacting Multiple Model Algorithm for Systems with Markovian Switching
+Coefficients", 1988.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from aerial_il.policies.perception.targets import PLACE, Target
+
+SWITCH = 0.02  # chance, from one frame to the next, that what rested moves with the tool, or the other way round
+FAR = 9.0  # squared distance, in deviations, beyond which a measurement weighs less
+LEAST_M = 1e-3  # deviation that a place is never known better than
+UNKNOWN = 2.0  # deviations of the demonstrations, by which nothing is known
+
+
+class Tracker:
+    """Estimates of all targets.
+
+    Args:
+        targets: what is followed. forget: share of what is known that is kept from one frame to the next.
+    """
+
+    def __init__(self, targets: Sequence[Target], forget: float) -> None:
+        self.targets, self._forget = tuple(targets), forget
+        self._filters = {each.field: (_Place if each.kind == PLACE else _Numbers)(each, forget) for each in targets}
+
+    def begin(self, mask: np.ndarray) -> None:
+        """Know nothing of the worlds in ``mask`` (n,) bool but what is ordinary."""
+        for each in self._filters.values():
+            each.begin(mask)
+
+    def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        """Let a step pass in which the tools turned by ``turn`` (n, 3, 3), world, and went from one place to another.
+
+        Args:
+            before, after: (n, 3) m.
+        """
+        for each in self._filters.values():
+            each.move(turn, before, after)
+
+    def fade(self, mask: np.ndarray) -> None:
+        """Forget a little, before what a frame tells in the worlds of ``mask`` (n,) bool."""
+        for each in self._filters.values():
+            each.fade(mask)
+
+    def tell(self, field: str, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+        """Take in what a camera tells of a field in the worlds of ``mask`` (n,) bool.
+
+        Args:
+            values: (n, D). spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
+        """
+        self._filters[field].tell(mask, values, spread)
+
+    def estimates(self) -> dict[str, np.ndarray]:
+        """Return ``field -> (n, D)``."""
+        return {each.field: each.straightened(self._filters[each.field].estimate()) for each in self.targets}
+
+    def deviations(self) -> dict[str, np.ndarray]:
+        """Return ``field -> (n,)``, how sure each estimate is: root mean square over its numbers, in its unit."""
+        return {name: each.deviation() for name, each in self._filters.items()}
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return copies of all that is known."""
+        return {
+            f"{name}.{key}": value.copy()
+            for name, each in self._filters.items()
+            for key, value in vars(each).items()
+            if isinstance(value, np.ndarray)
+        }
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Know what :meth:`memory` returned."""
+        for name, each in self._filters.items():
+            for key in [key for key, value in vars(each).items() if isinstance(value, np.ndarray)]:
+                setattr(each, key, memory[f"{name}.{key}"].copy())
+
+
+class _Numbers:
+    """A field that is no place: a mean and a variance for each of its numbers."""
+
+    def __init__(self, target: Target, forget: float) -> None:
+        self._target, self._keep = target, forget
+        self.mean, self.var = np.zeros((0, target.size)), np.zeros((0, target.size))
+
+    def begin(self, mask: np.ndarray) -> None:
+        if len(self.mean) != len(mask):
+            self.mean, self.var = np.zeros((len(mask), self._target.size)), np.zeros((len(mask), self._target.size))
+        self.mean[mask], self.var[mask] = self._target.centre, np.square(UNKNOWN * self._target.scale)
+
+    def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        self.var += self._target.drift
+
+    def fade(self, mask: np.ndarray) -> None:
+        self.var[mask] = np.minimum(self.var[mask] / self._keep, np.square(UNKNOWN * self._target.scale))
+
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+        missed, var = values[mask] - self.mean[mask], self.var[mask]
+        far = np.square(missed) / (var + spread[mask])
+        gain = var / (var + spread[mask] * np.maximum(1.0, far / FAR))
+        self.mean[mask] += gain * missed
+        self.var[mask] = (1.0 - gain) * var
+
+    def estimate(self) -> np.ndarray:
+        return self.mean.copy()
+
+    def deviation(self) -> np.ndarray:
+        return np.sqrt(self.var.mean(1))
+
+
+class _Place:
+    """A point in the world under the two hypotheses: it rests, or it moves with the tool."""
+
+    def __init__(self, target: Target, forget: float) -> None:
+        self._keep, self._centre = forget, target.centre
+        self._unknown = np.diag(np.square(np.maximum(UNKNOWN * target.scale, LEAST_M)))
+        self.mean, self.cov, self.chance = np.zeros((0, 2, 3)), np.zeros((0, 2, 3, 3)), np.zeros((0, 2))
+
+    def begin(self, mask: np.ndarray) -> None:
+        if len(self.mean) != (n := len(mask)):
+            self.mean, self.cov, self.chance = np.zeros((n, 2, 3)), np.zeros((n, 2, 3, 3)), np.zeros((n, 2))
+        self.mean[mask], self.cov[mask], self.chance[mask] = self._centre, self._unknown, (0.9, 0.1)
+
+    def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        self.mean[:, 1] = after + np.einsum("nij,nj->ni", turn, self.mean[:, 1] - before)
+        self.cov[:, 1] = turn @ self.cov[:, 1] @ np.swapaxes(turn, 1, 2)
+
+    def fade(self, mask: np.ndarray) -> None:
+        """Mix the hypotheses, as either may have become the other, and forget."""
+        mean, cov, chance = self.mean[mask], self.cov[mask], self.chance[mask]
+        from_to = np.array([[1.0 - SWITCH, SWITCH], [SWITCH, 1.0 - SWITCH]])
+        joint = chance[:, :, None] * from_to  # of having been i and being j
+        now = joint.sum(1)
+        share = joint / now[:, None]
+        mixed = np.einsum("nij,nik->njk", share, mean)
+        apart = mean[:, :, None] - mixed[:, None]
+        spread = np.einsum("nij,nijk,nijl->njkl", share, apart, apart)
+        cov = np.einsum("nij,nikl->njkl", share, cov) + spread
+        cov = cov / self._keep
+        too_much = np.maximum(1.0, np.trace(cov, axis1=2, axis2=3) / np.trace(self._unknown))
+        self.mean[mask], self.cov[mask], self.chance[mask] = mixed, cov / too_much[..., None, None], now
+
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+        mean, cov = self.mean[mask], self.cov[mask]
+        missed = values[mask][:, None] - mean
+        noise = spread[mask][:, None] + np.square(LEAST_M) * np.eye(3)
+        far = _squared(missed, cov + noise)
+        noise = noise * np.maximum(1.0, far.min(1) / FAR)[:, None, None, None]
+        total = cov + noise
+        gain = cov @ np.linalg.inv(total)
+        likely = np.exp(-0.5 * np.minimum(_squared(missed, total), 50.0)) / np.sqrt(np.linalg.det(total))
+        chance = self.chance[mask] * likely
+        self.mean[mask] = mean + np.einsum("nhij,nhj->nhi", gain, missed)
+        self.cov[mask] = (np.eye(3) - gain) @ cov
+        self.chance[mask] = np.clip(chance / chance.sum(1, keepdims=True), 1e-3, 1.0 - 1e-3)
+
+    def estimate(self) -> np.ndarray:
+        return np.einsum("nh,nhi->ni", self.chance, self.mean)
+
+    def deviation(self) -> np.ndarray:
+        return np.sqrt(np.einsum("nh,nhii->n", self.chance, self.cov) / 3.0)
+
+
+def _squared(missed: np.ndarray, cov: np.ndarray) -> np.ndarray:
+    """Return squared lengths (...,) of vectors (..., 3) in the deviations of ``cov`` (..., 3, 3)."""
+    return np.einsum("...i,...i->...", missed, np.linalg.solve(cov, missed[..., None])[..., 0])

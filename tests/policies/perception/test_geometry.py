@@ -1,0 +1,138 @@
+"""What a camera is taken to see is what it sees, and what follows from places is found in the data."""
+
+from __future__ import annotations
+
+from contextlib import closing
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import Field, ObservationSpec
+from aerial_il.policies.perception.cameras import Camera, Pose
+from aerial_il.policies.perception.relations import find_sums
+from aerial_il.policies.perception.targets import Targets
+
+ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "floating_gripper", "mini_quad_gripper")
+
+
+@pytest.mark.render
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_camera_is_where_the_simulator_has_it(robot):
+    with closing(
+        aerial_il.load_batch(robot, "reach", num_envs=2, cameras=("wrist", "base"), image_size=(48, 64))
+    ) as env:
+        obs = env.reset(7)
+        for _ in range(20):
+            obs = env.step(env.spec.action.clip(np.full((2, env.spec.action.size), 0.3))).obs
+        for image in ("wrist_rgb", "base_rgb"):
+            camera = Camera.of(env.spec, image)
+            pose, shot = camera.pose(obs), env.data(1).cam(image.removesuffix("_rgb"))
+            np.testing.assert_allclose(pose.pos[1], shot.xpos, atol=1e-6)
+            np.testing.assert_allclose(pose.rot[1].ravel(), shot.xmat, atol=1e-5)
+            assert camera.slope == pytest.approx(np.tan(np.deg2rad(0.5 * env.model.cam(shot.id).fovy[0])))
+            assert camera.aspect == pytest.approx(64 / 48)
+
+
+@pytest.mark.render
+def test_place_is_where_the_picture_shows_it():
+    with closing(
+        aerial_il.load_batch("fa_hexa_arm4", "pick_place", num_envs=1, cameras=("base",), image_size=(120, 160))
+    ) as env:
+        obs, camera = env.reset(3), Camera.of(env.spec, "base_rgb")
+        ids = env.render(camera="base", height=120, width=160, modality="segmentation")
+        own = camera.pose(obs).seen(obs["cube_pos"])
+        across, up, log_depth = camera.project(own)[0]
+        rows, columns = np.nonzero(ids == env.model.geom("cube").id)
+        assert camera.in_view(own)[0]
+        assert rows.mean() == pytest.approx(60 * (1 - up), abs=2)
+        assert columns.mean() == pytest.approx(80 * (1 + across), abs=2)
+        depth = env.render(camera="base", height=120, width=160, modality="depth")[ids == env.model.geom("cube").id]
+        assert depth.mean() == pytest.approx(np.exp(log_depth), abs=0.04)
+
+
+def test_projection_is_undone_and_its_spread_is_that_of_samples():
+    camera = Camera("wrist_rgb", "tool", np.eye(3), np.zeros(3), slope=0.8, aspect=1.5)
+    rng = np.random.default_rng(0)
+    image = np.column_stack([rng.uniform(-1, 1, (5, 2)), rng.uniform(-1.5, 0.5, 5)])
+    own = camera.unproject(image)
+    np.testing.assert_allclose(camera.project(own), image, atol=1e-12)
+    rot = np.linalg.qr(rng.standard_normal((3, 3)))[0]
+    pose = Pose(np.tile(rot, (5, 1, 1)), rng.standard_normal((5, 3)))
+    np.testing.assert_allclose(pose.seen(pose.placed(own)), own, atol=1e-12)
+    sigma = np.array([[0.02, 0.03, 0.05]])
+    drawn = image[:1] + sigma * rng.standard_normal((200_000, 3))
+    samples = camera.unproject(drawn) * (1.0, 1.0, -1.0)  # in the axes of the image
+    np.testing.assert_allclose(camera.spread(image[:1], sigma)[0], np.cov(samples.T), rtol=0.05, atol=2e-6)
+
+
+def test_camera_that_nobody_knows_is_refused():
+    env = aerial_il.load_batch("fa_hexa_arm4", "reach", num_envs=1, cameras=("scene",))
+    env.close()
+    with pytest.raises(InvalidValueError, match=r"not taken by a camera that fa_hexa_arm4 carries \(wrist, base\)"):
+        Camera.of(env.spec, "scene_rgb")
+    with pytest.raises(InvalidValueError, match="aerial-il new robot"):
+        Camera.of(replace(env.spec, robot="somebody's"), "scene_rgb")
+
+
+SPEC = ObservationSpec(
+    (
+        Field("ee_pos", (3,), unit="m", frame="world"),
+        Field("ee_rot6d", (6,), frame="world from tool"),
+        Field("a_pos", (3,), "task", unit="m", frame="world"),
+        Field("axis", (3,), "task", frame="world"),
+        Field("tool_to_a", (3,), "task", unit="m", frame="world"),
+        Field("end", (3,), "task", unit="m", frame="world"),
+        Field("b_to_a", (3,), "task", unit="m", frame="world"),
+        Field("told", (2,), "task", onboard=True),
+    )
+)
+
+
+def flight(rng: np.random.Generator, steps: int = 50) -> dict[str, np.ndarray]:
+    obs = {f.name: rng.standard_normal((steps, f.size)) for f in SPEC.fields}
+    obs["tool_to_a"] = obs["a_pos"] - obs["ee_pos"]
+    obs["end"] = obs["a_pos"] + 0.04 * obs["axis"]
+    return obs
+
+
+def test_sums_are_found_and_others_are_not():
+    obs = flight(np.random.default_rng(1))
+    found = {each.field: dict(each.terms) for each in find_sums(SPEC, obs)}
+    assert found == {"tool_to_a": {"a_pos": 1.0, "ee_pos": -1.0}, "end": {"a_pos": 1.0, "axis": pytest.approx(0.04)}}
+    obs["tool_to_a"][7] += 0.2  # one step in which it does not hold
+    assert [each.field for each in find_sums(SPEC, obs)] == ["end"]
+
+
+def test_what_a_robot_knows_by_itself_is_not_estimated():
+    targets = Targets.of(SPEC, [flight(np.random.default_rng(2))], SPEC.state_names)
+    assert [(each.field, each.kind) for each in targets.estimated] == [
+        ("a_pos", "place"), ("axis", "rotation"), ("b_to_a", "place"),
+    ]  # fmt: skip
+    assert SPEC["told"].is_onboard
+    assert "told" not in SPEC.to_be_seen
+    few = Targets.of(SPEC, [flight(np.random.default_rng(2))], ("ee_pos", "tool_to_a"))
+    assert [each.field for each in few.estimated] == ["a_pos"], "no more than the policy needs"
+    assert Targets.from_dict(targets.to_dict()).to_dict() == targets.to_dict()
+
+
+@pytest.mark.parametrize("task", aerial_il.list_tasks())
+def test_every_task_says_what_is_to_be_seen(task):
+    """No rule for a task: its own fields decide, and nothing that shows an object counts as the robot's own."""
+    robot = next(robot for robot, each in aerial_il.list_cells() if each == task)
+    with closing(aerial_il.load_batch(robot, task, num_envs=1)) as env:
+        spec = env.spec.observation
+    own = [f for f in spec.of_group("task") if f.is_onboard]
+    assert all(f.name in ("wrist_force", "tool_force") for f in own)
+    assert spec.to_be_seen
+
+
+def test_mujoco_looks_along_its_own_minus_z():
+    model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><camera name='c' pos='0 0 1'/></worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    pose = Pose(data.cam("c").xmat.reshape(1, 3, 3), data.cam("c").xpos[None])
+    np.testing.assert_allclose(pose.seen(np.array([[0.1, 0.2, 0.4]])), [[0.1, 0.2, 0.6]])
