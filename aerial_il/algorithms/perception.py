@@ -25,6 +25,7 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
@@ -37,7 +38,7 @@ from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, chosen, kept_fields, steps_of
-from aerial_il.algorithms.seeing.redrawing import Redrawing, first_states
+from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.composition import plain
@@ -252,21 +253,24 @@ class _Run:
 
     def _lessons(self, number: int) -> list[Lessons]:
         """Return all frames of the rounds up to this one as the networks learn from them."""
-        settings, rng = self.settings, named_rng(self.seed, "frames")
-        steps = chosen(self.shown, settings.frames, rng)
-        parts = [*steps_of(self.shown, steps)]
-        if settings.redrawn:
-            parts += [*self._redrawn(rng)]
-        self.flown = self.solved = 0
+        parts, self.flown, self.solved = [*self._demonstrated], 0, 0
         for k in range(1, number + 1):
             flights = self._own_flights(k)
             self.flown, self.solved = self.flown + len(flights), self.solved + sum(f.success for f in flights)
-            parts += [*steps_of(flights, chosen(flights, settings.flown, named_rng(self.seed, "flown", str(k))))]
+            picked = chosen(flights, self.settings.flown, named_rng(self.seed, "flown", str(k)))
+            parts += [*steps_of(flights, picked)]
         return Lessons.of(self.eyes, Frames.joined(parts, kept_fields(self.eyes)))
+
+    @cached_property
+    def _demonstrated(self) -> list[Mapping[str, np.ndarray]]:
+        """Frames of the demonstrations, and those in which objects are elsewhere."""
+        rng = named_rng(self.seed, "frames")
+        parts: list[Mapping[str, np.ndarray]] = [*steps_of(self.shown, chosen(self.shown, self.settings.frames, rng))]
+        return [*parts, *self._redrawn(rng)] if self.settings.redrawn else parts
 
     def _redrawn(self, rng: np.random.Generator) -> Iterable[Mapping[str, np.ndarray]]:
         """Yield what the cameras show of moments of the demonstrations with the objects elsewhere."""
-        redrawing = Redrawing(self.env.model, first_states([demo.states for demo in self.shown]))
+        redrawing = Redrawing(self.env.model, np.stack([demo.states[0] for demo in self.shown]))
         picked = chosen(self.shown, self.settings.redrawn, rng)
         steps = [picked[int(i)] for i in rng.permutation(len(picked))]
         worlds = self.env.num_envs

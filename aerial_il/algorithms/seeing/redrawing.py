@@ -2,36 +2,44 @@
 
 A few hundred flights show as many scenes, however many frames they have, and a network learns scenes by heart. So
 objects are moved about and turned where demonstrations differ in them, each frame anew, and the simulator says what is
-then to be seen.
+then to be seen. What always stands together, such as a button and its post, moves together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 
 HELD_M = 0.07  # from the tool: what is nearer may be in the gripper, and stays there
 REACHES_M = (0.02, 0.08, 0.25)  # deviations of the displacement, one of them for each frame
-VARIES_M, VARIES_RAD = 1e-3, 1e-2
+VARIES_M, VARIES_RAD, APART_M = 1e-3, 1e-2, 5e-3
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+UP = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True, eq=False)
-class Movable:
-    """An object that stands elsewhere in each flight: ``pos`` and ``quat``, where its pose is in a state's arrays.
-
-    Attributes:
-        mocap: whether it is a fixture (mocap) rather than free. index: of its first number, or of the fixture.
-        axes: (3,) bool, along which it differs. turns: whether it differs in heading.
-    """
+@dataclass(frozen=True)
+class Thing:
+    """A free object, or a fixture (mocap); ``index``: of its first number in qpos, or of the fixture."""
 
     mocap: bool
     index: int
+
+
+@dataclass(eq=False)
+class Movable:
+    """Something that stands elsewhere in each flight, with what stands beside it in all of them.
+
+    Attributes:
+        thing: what it is. axes: (3,) bool, along which it differs. turns: whether it differs in heading.
+        beside: what goes along, and where that is, (2,) m, in its own heading.
+    """
+
+    thing: Thing
     axes: np.ndarray
     turns: bool
+    beside: list[tuple[Movable, np.ndarray]] = field(default_factory=list)
 
 
 class Redrawing:
@@ -44,8 +52,10 @@ class Redrawing:
     def __init__(self, model: mujoco.MjModel, starts: np.ndarray) -> None:
         self._model, self._data = model, mujoco.MjData(model)
         poses = [self._poses(state) for state in starts]
-        self.movable = [_movable(key, np.array([each[key] for each in poses])) for key in poses[0]]
-        self.movable = [each for each in self.movable if each.axes.any() or each.turns]
+        every = {thing: np.array([each[thing] for each in poses]) for thing in poses[0]}
+        moving = [_movable(thing, found) for thing, found in every.items()]
+        moving = [each for each in moving if each.axes.any() or each.turns]
+        self.movable = _gathered(sorted(moving, key=lambda each: not each.turns), every)
 
     def redrawn(self, states: np.ndarray, tools: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return states (n, S) in which the objects are elsewhere, but for what is at the tools (n, 3) m."""
@@ -55,38 +65,76 @@ class Redrawing:
         mujoco.mj_setState(self._model, self._data, state, STATE)
         reach = REACHES_M[rng.integers(len(REACHES_M))]
         for each in self.movable:
-            pos, quat = self._pose(each.mocap, each.index)
-            step, turn = reach * rng.standard_normal(3) * each.axes, np.zeros(4)
-            mujoco.mju_axisAngle2Quat(
-                turn, np.array([0.0, 0.0, 1.0]), rng.uniform(-np.pi, np.pi) if each.turns else 0.0
-            )
-            if np.linalg.norm(pos - tool) > HELD_M or each.mocap:
-                pos += step
-                mujoco.mju_mulQuat(quat, turn, quat.copy())
+            together, alone = self._standing(each)
+            self._displace(together, reach, tool, rng)
+            for other in alone:
+                self._displace([other], reach, tool, rng)
         moved = np.empty_like(state)
         mujoco.mj_getState(self._model, self._data, moved, STATE)
         return moved
 
-    def _poses(self, state: np.ndarray) -> dict[tuple[bool, int], np.ndarray]:
+    def _standing(self, leader: Movable) -> tuple[list[Movable], list[Movable]]:
+        """Return something with what still stands beside it, and what has been taken away."""
+        pos, quat = self._pose(leader.thing)
+        away = [np.linalg.norm(_offset(pos, quat, self._pose(other.thing)[0]) - at) for other, at in leader.beside]
+        others = [other for other, _ in leader.beside]
+        near = [other for other, distance in zip(others, away, strict=True) if distance < APART_M]
+        return [leader, *near], [other for other in others if other not in near]
+
+    def _displace(self, things: list[Movable], reach: float, tool: np.ndarray, rng: np.random.Generator) -> None:
+        """Shift and turn some things as one, unless one of them may be in the gripper."""
+        leader, poses = things[0], [self._pose(each.thing) for each in things]
+        step, angle = reach * rng.standard_normal(3) * leader.axes, rng.uniform(-np.pi, np.pi) * leader.turns
+        free = (pos for each, (pos, _) in zip(things, poses, strict=True) if not each.thing.mocap)
+        if any(np.linalg.norm(pos - tool) < HELD_M for pos in free):
+            return
+        turn, centre = np.zeros(4), poses[0][0].copy()
+        mujoco.mju_axisAngle2Quat(turn, UP, angle)
+        for pos, quat in poses:
+            arm = np.zeros(3)
+            mujoco.mju_rotVecQuat(arm, pos - centre, turn)
+            pos[:] = centre + arm + step
+            mujoco.mju_mulQuat(quat, turn, quat.copy())
+
+    def _poses(self, state: np.ndarray) -> dict[Thing, np.ndarray]:
         """Return the poses (7,) of all free objects but the robot, and of all fixtures."""
         mujoco.mj_setState(self._model, self._data, state, STATE)
-        free = [i for i in range(self._model.njnt) if self._model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE]
-        keys = [(False, int(self._model.jnt_qposadr[i])) for i in free if self._model.jnt_qposadr[i] > 0]
-        keys += [(True, i) for i in range(self._model.nmocap)]
-        return {key: np.concatenate(self._pose(*key)) for key in keys}
+        free = self._model.jnt_qposadr[self._model.jnt_type == mujoco.mjtJoint.mjJNT_FREE]
+        things = [Thing(mocap=False, index=int(k)) for k in free if k > 0]
+        things += [Thing(mocap=True, index=i) for i in range(self._model.nmocap)]
+        return {thing: np.concatenate(self._pose(thing)) for thing in things}
 
-    def _pose(self, mocap: bool, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return views of an object's position (3,) and quaternion (4,)."""
-        if mocap:
-            return self._data.mocap_pos[index], self._data.mocap_quat[index]
-        return self._data.qpos[index : index + 3], self._data.qpos[index + 3 : index + 7]
+    def _pose(self, thing: Thing) -> tuple[np.ndarray, np.ndarray]:
+        """Return views of position (3,) and quaternion (4,)."""
+        if thing.mocap:
+            return self._data.mocap_pos[thing.index], self._data.mocap_quat[thing.index]
+        return self._data.qpos[thing.index : thing.index + 3], self._data.qpos[thing.index + 3 : thing.index + 7]
 
 
-def _movable(key: tuple[bool, int], poses: np.ndarray) -> Movable:
+def _movable(thing: Thing, poses: np.ndarray) -> Movable:
     turned = 2.0 * np.arccos(np.clip(np.abs(poses[:, 3:] @ poses[0, 3:]), 0.0, 1.0))
-    return Movable(*key, poses[:, :3].std(0) > VARIES_M, bool(turned.max() > VARIES_RAD))
+    return Movable(thing, poses[:, :3].std(0) > VARIES_M, bool(turned.max() > VARIES_RAD))
 
 
-def first_states(flights: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the first state (E, S) of each flight (T + 1, S)."""
-    return np.stack([states[0] for states in flights])
+def _gathered(moving: list[Movable], poses: dict[Thing, np.ndarray]) -> list[Movable]:
+    """Return what moves by itself, each with what stood beside it in all flights (E, 7)."""
+    leaders = list[Movable]()
+    for each in moving:
+        for leader in leaders:
+            pairs = zip(poses[leader.thing], poses[each.thing], strict=True)
+            offsets = np.array([_offset(one[:3], one[3:], other[:3]) for one, other in pairs])
+            if len(offsets) > 1 and (offsets.std(0) < VARIES_M).all():
+                leader.beside.append((each, offsets.mean(0)))
+                break
+        else:
+            leaders.append(each)
+    return leaders
+
+
+def _offset(pos: np.ndarray, quat: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Return where something else is, (2,) m horizontally, in the heading of a pose."""
+    mat = np.zeros(9)
+    mujoco.mju_quat2Mat(mat, quat)
+    ahead = mat[[0, 3]] if np.hypot(mat[0], mat[3]) > np.hypot(mat[1], mat[4]) else mat[[4, 1]] * (1.0, -1.0)
+    x, y = ahead / np.linalg.norm(ahead)
+    return np.array([[x, y], [-y, x]]) @ (other - pos)[:2]

@@ -1,0 +1,131 @@
+"""Seeing: trained on images, flown without the truth, gone on with after a kill, and refused where nothing is seen."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import closing
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.perception import Perception
+from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.seeing.redrawing import HELD_M, Redrawing
+from aerial_il.collection.collect import collect
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import open_dataset
+from aerial_il.policies.mlp import MLP
+from aerial_il.policies.perception.policy import PerceivingPolicy
+
+pytestmark = pytest.mark.render
+CAMERAS, IMAGES = ("wrist", "base"), ("wrist_rgb", "base_rgb")
+POLICY = MLP(hidden=(32,), images=IMAGES)
+SMALL = Perception(
+    training=BC(steps=30, validation=0.0), steps=20, more_steps=10, batch_size=8, width=32, frames=40, redrawn=20,
+    flown=20, rounds=1, episodes=2, validation=0.3,
+)  # fmt: skip
+
+
+def environment(task: str, worlds: int = 2):
+    return aerial_il.load_batch("fa_hexa_arm4", task, num_envs=worlds, cameras=CAMERAS, image_size=(32, 32))
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """Four demonstrations of a button that is pressed, with images."""
+    place = tmp_path_factory.mktemp("seen") / "demos"
+    with closing(environment("press_button")) as env:
+        collect(env, aerial_il.expert("fa_hexa_arm4", "press_button"), range(4), place, progress=False)
+    return place
+
+
+def trained(shown, run, settings=SMALL, **options) -> PerceivingPolicy:
+    demos = open_dataset(shown, cameras=IMAGES)
+    with closing(environment("press_button")) as env:
+        policy = settings.train(demos, POLICY, run=run, env=env, collect=collect, progress=False, **options)
+    assert isinstance(policy, PerceivingPolicy)
+    return policy
+
+
+def test_flies_on_what_it_sees_and_repeats_itself_from_disk(shown, tmp_path):
+    policy = trained(shown, tmp_path / "run")
+    again = aerial_il.load_policy(tmp_path / "run")
+    assert policy.observations == "onboard"
+    rows = read_metrics(tmp_path / "run")
+    assert [row["step"] for row in rows] == [0, 1]
+    assert {"validation/button_pos", "validation/button_rot6d", "validation/button_travel"} <= {*rows[1]}
+    assert rows[1]["flights"] == 2
+    with closing(environment("press_button")) as env:
+        for each in (policy, again):
+            each.attach(env)
+        obs = env.reset(50)
+        for _ in range(6):
+            action = policy.act(obs)
+            np.testing.assert_array_equal(action, again.act(obs))
+            lied = {n: v + 1.0 if n in env.spec.observation.to_be_seen else v for n, v in obs.items()}
+            obs = env.step(action).obs
+        policy.reset(), again.reset()
+        np.testing.assert_array_equal(policy.act(lied), again.act({**lied, "button_pos": lied["button_pos"] - 7.0}))
+
+
+def test_killed_between_rounds_it_ends_with_the_same_policy(shown, tmp_path):
+    whole = trained(shown, tmp_path / "whole")
+    trained(shown, tmp_path / "cut", replace(SMALL, rounds=1))
+    shutil.rmtree(tmp_path / "cut" / "policy")
+    shutil.rmtree(tmp_path / "cut" / "checkpoints" / "00000001")
+    resumed = trained(shown, tmp_path / "cut")
+    for one, other in zip(whole.eyes.parameters(), resumed.eyes.parameters(), strict=True):
+        np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())
+
+
+def test_worlds_see_for_themselves(shown, tmp_path):
+    """What is estimated in one world depends on no other, and an episode that begins anew remembers nothing."""
+    policy = trained(shown, tmp_path / "run", replace(SMALL, rounds=0))
+    with closing(environment("press_button", 3)) as env:
+        obs = env.reset(60)
+        both = policy.estimate(obs)
+        alone = policy.fresh().estimate({name: values[1:2] for name, values in obs.items()})
+        for name, values in both.items():
+            np.testing.assert_allclose(values[1:2], alone[name], atol=1e-5)
+        later = env.step(np.tile(policy.spec.action.low, (3, 1))).obs
+        policy.estimate(later)
+        policy.reset(np.array([True, False, False]))
+        np.testing.assert_allclose(policy.estimate(obs)["button_pos"][0], both["button_pos"][0], atol=1e-5)
+
+
+def test_scenes_are_redrawn_where_flights_differ(shown):
+    demos = open_dataset(shown, cameras=())
+    with closing(environment("press_button")) as env:
+        starts = np.stack([demo.states[0] for demo in demos])
+        redrawing = Redrawing(env.model, starts)
+        (button,) = redrawing.movable  # with its post; no part of the robot
+        assert len(button.beside) == 1
+        tools = np.stack([demos[k].obs["ee_pos"][0] for k in range(2)])
+        states = redrawing.redrawn(starts[:2], tools, np.random.default_rng(0))
+        before, after = env.set_state(starts[:2]), env.set_state(states)
+        assert (np.linalg.norm(after["button_pos"] - before["button_pos"], axis=1) > 1e-3).all()
+        for name in ("base_pos", "ee_pos", "joint_pos"):
+            np.testing.assert_array_equal(after[name], before[name])
+        tip = after["button_pos"] - after["ee_pos"] - after["tip_to_button"]
+        np.testing.assert_allclose(np.linalg.norm(tip, axis=1), 0.013, atol=1e-6)
+
+
+def test_what_is_in_the_gripper_stays_there(tmp_path):
+    with closing(environment("pick_place", 1)) as env:
+        env.reset(3)
+        starts = np.concatenate([env.get_state() for seed in (3, 4, 5) if env.reset(seed) is not None])
+        obs = env.set_state(starts[:1])
+        redrawing = Redrawing(env.model, starts)
+        held = redrawing.redrawn(starts[:1], obs["cube_pos"] + [0.0, 0.0, 0.5 * HELD_M], np.random.default_rng(1))
+        after = env.set_state(held)
+        np.testing.assert_array_equal(after["cube_pos"], obs["cube_pos"])
+        assert np.linalg.norm(after["bowl_pos"] - obs["bowl_pos"]) > 1e-3
+        assert after["bowl_pos"][0, 2] == obs["bowl_pos"][0, 2], "all bowls stand on the table"
+
+
+def test_without_images_nothing_is_seen(shown, tmp_path):
+    with closing(environment("press_button")) as env, pytest.raises(InvalidValueError, match=r"policy\.images=\[wrist"):
+        SMALL.train(open_dataset(shown), MLP(), run=tmp_path / "run", env=env, collect=collect)
