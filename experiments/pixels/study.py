@@ -1,42 +1,104 @@
-"""The worth of cameras: policies that see images and the end effector's pose, but no object, on unseen seeds.
+"""Flying by camera: policies that see images and their own robot, but no object, on unseen seeds.
 
-Beside each stands its blind control, the same network from the same demonstrations without the images: what that
-reaches needs no eyes. Every stage is kept by all that decides it: killed at any moment, the same call continues.
+Two routes side by side, from the same demonstrations: a policy of the state in front of which networks estimate what it
+is shown (:mod:`aerial_il.algorithms.perception`), with and without labels from its own flights, and one network from
+images to actions. Beside them the same policy on the truth, which nothing can exceed, and the first route with its
+images blanked, or with the first frame shown for ever: what these reach needs no eyes. Every stage is kept by all that
+decides it: killed at any moment, the same call continues.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
 
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import BatchEnv, Observation, Policy, attach
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import camera_name
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
-from experiments.common.stages import Cloned, Stages
-from experiments.common.success import failed_seeds, pooled_row, spread_of
+from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, judged_once
+from experiments.common.success import failed_seeds, macro_row, pooled_row
 
-POSE = ("ee_pos", "ee_rot6d")
-SEEING, BLIND = "images", "blind"
+FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
+BLANK, FROZEN = "images blanked", "first frame for ever"
+ARMS = (FLOWN, SHOWN, END_TO_END, TRUTH)
+TASKS = (
+    "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
+    "rotate_valve", "insert_peg",
+)  # fmt: skip
+MACRO = "all tasks"
+MACRO_PERCENT = {(FLOWN, "calm"): 80.0, (FLOWN, "gusts"): 65.0, (SHOWN, "calm"): 60.0}
+TASK_PERCENT = {"pick_place": 95.0, "press_button": 90.0, "insert_peg": 70.0, "reach": 80.0}
+BLIND_PERCENT, MOST_MIN = 20.0, 60.0
 NOTES = (
-    "The final policy of each training; trainings differ in their draw: in demonstrations (other seeds), weights and "
-    "minibatches. Flights: Wilson's 95 % interval over the flights of these very policies. Trainings: Student's 95 % "
-    "interval with a training as the unit.",
-    "The policy sees the images named in the settings and the end effector's pose; poses of objects and targets are "
-    "hidden from it. Blind: the same without images.",
-    "Busy: fraction of the training time that was not spent waiting for minibatches.",
+    "The final policy of each training, none selected. Trainings of an arm differ in their draw: demonstrations (other "
+    "seeds), weights and minibatches.",
+    "All arms but truth act on images, the robot's own state and what it feels at its wrist; where objects are is "
+    "hidden from them (observations=onboard). truth: the same policy on all that the simulator knows.",
+    "Labels: frames with what was to be seen in them: of the demonstrations, of these redrawn with the objects "
+    "elsewhere, and of the policy's own flights, whose number is told.",
 )
+
+
+@dataclass(frozen=True, eq=False)
+class Perceived(Shown):
+    """A policy of the state with eyes.
+
+    Attributes:
+        algorithm: how it learns to see.
+    """
+
+    algorithm: Perception
+
+    def decided_by(self) -> dict[str, Any]:
+        return all_that_decides(self)
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        source = self.source
+        env = stages.environment(source, source.tier, self.algorithm.worlds)
+        try:
+            shown = stages.demonstrations(source, self.demos, cameras=self.policy.images)
+            return self.algorithm.train(
+                shown, self.policy, run=run, env=env, collect=collect, seed=source.draw, progress=stages.progress
+            )
+        finally:
+            env.close()
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A training that is judged in a tier, with its images as they are, or changed."""
+
+    training: Perceived | Cloned
+    tier: str
+    changed: str = ""
+
+    @property
+    def arm(self) -> Row:
+        """The key of a table's row."""
+        source = self.training.source
+        method = f"{self.training.method}, {self.changed}" if self.changed else self.training.method
+        return {"sees": method, "tier": self.tier, "demos": self.training.demos, "task": source.task}
+
+
+Results = Mapping[Flight, EvaluationResult]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,24 +106,33 @@ class Pixels:
     """Settings.
 
     Attributes:
-        policy: what is trained; it names the cameras. algorithm: how. noise: of the expert that demonstrates.
-        robot, tasks: which cells. demos: demonstrations per task. image_size: height and width, pixels.
-        tier: in which all is flown. draws: of demonstrations and weights, one training each.
-        episodes: unseen seeds per evaluation. first_episode: the first of them. num_envs: worlds flown at once.
+        policy: of the state. perception: how networks learn to see for it. end_to_end, cloning: the other route.
+        noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
+        cameras, image_size: what is seen, height and width in pixels.
+        demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
+        flown_in: tiers of evaluations. controls: fly the first arm with images blanked and frozen, too.
+        draws: of demonstrations and weights, one training each. episodes: unseen seeds per evaluation.
+        first_episode: the first of them; 5000 to try settings out. num_envs: worlds flown at once.
         threads: of the simulation; 0 for all cores.
     """
 
     name: ClassVar[str] = "pixels"
-    question: ClassVar[str] = "How well does behaviour cloning fly on camera images alone, and at what cost?"
+    question: ClassVar[str] = "How well do policies fly by camera, and at what cost?"
 
-    policy: PolicySettings = MLP(obs_names=POSE, images=("wrist_rgb", "base_rgb"), masked_fields=())
-    algorithm: BC = BC(steps=8_000, batch_size=64, threads=2)
+    policy: PolicySettings = field(default_factory=MLP)
+    perception: Perception = Perception()
+    end_to_end: PolicySettings = field(default_factory=MLP)
+    cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True)
     noise: float = NOISE
     robot: str = "fa_hexa_arm4"
-    tasks: tuple[str, ...] = ("reach", "press_button", "pick_place")
-    demos: int = 80
+    tasks: tuple[str, ...] = TASKS
+    arms: tuple[str, ...] = ARMS
+    cameras: tuple[str, ...] = ("wrist_rgb", "base_rgb")
     image_size: tuple[int, int] = (64, 64)
-    tier: str = "calm"
+    demos: int = 80
+    sizes: tuple[int, ...] = ()
+    flown_in: tuple[str, ...] = ("calm", "gusts")
+    controls: bool = True
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
@@ -69,73 +140,147 @@ class Pixels:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        if not self.policy.images:
-            raise InvalidValueError("The policy sees no images; name some, e.g. bench.policy.images=[wrist_rgb].")
-        if self.demos < 1 or self.episodes < 1 or not self.draws:
-            raise InvalidValueError(
-                f"demos and episodes start at 1, got {self.demos} and {self.episodes}; draws name at least one."
-            )
+        for name in self.arms:
+            if name not in ARMS:
+                raise UnknownNameError("arm", name, ARMS)
+        if min(self.demos, self.episodes, *self.sizes) < 1 or not (self.draws and self.arms and self.cameras):
+            raise InvalidValueError("demos, sizes and episodes start at 1; there are draws, arms and cameras.")
         check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
         """Collect, train and evaluate what ``folder`` does not hold yet; see :class:`Study`."""
         require_rendering("bench pixels")
-        stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
-        seeds, trainings = range(self.first_episode, self.first_episode + self.episodes), list(self.all_trainings())
-        results = {t: stages.judged(t, self.tier, seeds) for t in bar(trainings, self.name, progress)}
-        rows = list(table_rows(results, stages))
+        most = max((self.demos, *self.sizes))
+        stages = Stages(
+            record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress, most=most
+        )
+        flights = list(self.planned())
+        results = {flight: self._judged(stages, flight) for flight in bar(flights, self.name, progress)}
+        usual = {f: r for f, r in results.items() if f.training.demos == self.demos}
+        per_task, macro = [*_per_task(usual, stages)], [*_macro(usual)]
+        scaling = [*_per_task(results, stages)] if self.sizes else []
         return Report(
             study=self,
-            targets=tuple(targets_of(rows)),
-            tables={"Success on images": rows},
+            targets=tuple(self.targets_of(macro, per_task)),
+            tables={"All tasks": macro, "Each task": per_task} | ({"Over demonstrations": scaling} if scaling else {}),
             notes=(*NOTES, *stages.record.notes()),
-            details={"failed_seeds": {training.label: failed_seeds(r) for training, r in results.items()}},
+            details={
+                "failed_seeds": {
+                    f"{f.training.label}/{f.tier}/{f.changed}": failed_seeds(r) for f, r in results.items()
+                }
+            },
             wall_time_s=stages.seconds(),
         )
 
-    def all_trainings(self) -> Iterator[Cloned]:
-        """Yield what is trained, draw by draw: each policy and its blind control."""
-        policies = {SEEING: self.policy, BLIND: replace(self.policy, images=())}
-        cameras = tuple(map(camera_name, self.policy.images))
-        for draw, task, (sight, policy) in product(self.draws, self.tasks, policies.items()):
-            source = Source(
-                robot=self.robot,
-                task=task,
-                tier=self.tier,
-                noise=self.noise,
-                draw=draw,
-                cameras=cameras,
-                image_size=self.image_size,
-            )
-            yield Cloned(sight, source, self.demos, policy, self.algorithm)
+    def planned(self) -> Iterator[Flight]:
+        """Yield what is flown, draw by draw, then fewer and more demonstrations."""
+        for draw, arm, task in product(self.draws, self.arms, self.tasks):
+            training = self._training(arm, task, draw, self.demos)
+            for tier in self.flown_in:
+                yield Flight(training, tier)
+            if arm == self.arms[0] and self.controls:
+                yield from (Flight(training, self.flown_in[0], changed) for changed in (BLANK, FROZEN))
+        for draw, demos, task in product(self.draws, sorted({*self.sizes} - {self.demos}), self.tasks):
+            yield Flight(self._training(self.arms[0], task, draw, demos), self.flown_in[0])
+
+    def _training(self, arm: str, task: str, draw: int, demos: int) -> Perceived | Cloned:
+        cameras = tuple(map(camera_name, self.cameras))
+        source = Source(
+            robot=self.robot, task=task, noise=self.noise, draw=draw, cameras=cameras, image_size=self.image_size
+        )
+        if arm == TRUTH:
+            return Cloned(arm, source, demos, self.policy, self.perception.training)
+        if arm == END_TO_END:
+            seeing = replace(self.end_to_end, images=self.cameras)
+            hidden = replace(seeing, masked_fields=(*seeing.masked_fields, TO_BE_SEEN))
+            return Cloned(arm, source, demos, hidden, self.cloning)
+        algorithm = replace(self.perception, rounds=0) if arm == SHOWN else self.perception
+        return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm)
+
+    def _judged(self, stages: Stages, flight: Flight) -> EvaluationResult:
+        training, seeds = flight.training, range(self.first_episode, self.first_episode + self.episodes)
+        if not flight.changed:
+            return stages.judged(training, flight.tier, seeds)
+        where = {"tier": flight.tier, "seeds": [seeds.start, seeds.stop], "changed": flight.changed}
+        stages.run_of(training)
+        return judged_once(
+            stages.place(
+                "evaluations",
+                f"{training.label}/{flight.tier}-{flight.changed.split()[0]}",
+                {"training": training.decided_by(), **where},
+            ),
+            lambda: Misled(stages.policy(training), self.cameras, frozen=flight.changed == FROZEN),
+            lambda: stages.environment(training.source, flight.tier, min(self.num_envs, len(seeds))),
+            seeds,
+            name=training.label,
+            progress=stages.progress,
+        )
+
+    def targets_of(self, macro: Sequence[Row], per_task: Sequence[Row]) -> Iterator[Target]:
+        """Yield the targets, of what was flown in full."""
+        for row in macro:
+            if {*TASKS} <= {*self.tasks} and (wanted := MACRO_PERCENT.get((row["sees"], row["tier"]))):
+                yield _target(f"{row['sees']}, {row['tier']}: mean success of {len(self.tasks)} tasks", wanted, row)
+            if row["sees"] == f"{FLOWN}, {BLANK}":
+                yield Target(f"{row['sees']}: mean success", "at most", BLIND_PERCENT, row["percent"], "%")
+        for row in per_task:
+            if (row["sees"], row["tier"]) == (FLOWN, "calm"):
+                if row["task"] in TASK_PERCENT:
+                    yield _target(f"{row['task']}, {FLOWN}: success", TASK_PERCENT[row["task"]], row)
+                yield Target(f"{row['task']}, {FLOWN}: training", "at most", MOST_MIN, row["train_min"], "min")
 
 
-def table_rows(results: Mapping[Cloned, EvaluationResult], stages: Stages) -> Iterator[Row]:
-    """Yield a row for each task and sight."""
-    arms: dict[tuple[str, str], list[Cloned]] = {}
-    for training in results:
-        arms.setdefault((training.source.task, training.method), []).append(training)
-    for (task, sight), found in arms.items():
-        pooled = pooled_row(results[training] for training in found)
-        busy = [_busy_percent(stages.run_of(training)) for training in found]
-        cost = {"train_min": stages.minutes(found), "busy": round(sum(busy) / len(busy), 1)}
-        yield {"task": task, "sees": sight, **pooled, **cost}
+class Misled(Policy):
+    """A policy that is shown other images than there are: black ones, or those of the first step for ever."""
+
+    def __init__(self, policy: Policy, images: Sequence[str], *, frozen: bool) -> None:
+        self._policy, self._images, self._frozen = policy, tuple(images), frozen
+        self._first: dict[str, np.ndarray] = {}
+        self._begins: np.ndarray | None = None
+
+    def act(self, obs: Observation) -> np.ndarray:
+        return self._policy.act({**obs, **{name: self._shown(name, obs[name]) for name in self._images}})
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        self._policy.reset(mask)
+        if mask is None:
+            self._first.clear()
+        self._begins = mask
+
+    def attach(self, env: BatchEnv) -> None:
+        attach(self._policy, env)
+
+    def _shown(self, name: str, images: np.ndarray) -> np.ndarray:
+        if not self._frozen:
+            return np.zeros_like(images)
+        first = self._first.setdefault(name, images.copy())
+        if self._begins is not None:
+            first[self._begins] = images[self._begins]
+            self._begins = None if name == self._images[-1] else self._begins
+        return first
 
 
-def _busy_percent(run: Path) -> float:
-    """Return the share of a training's time that was not spent waiting for minibatches."""
-    rows = [row for row in read_metrics(run) if "wait_share" in row]
-    elapsed = [0.0, *(row["elapsed_s"] for row in rows)]
-    waited = sum(r["wait_share"] * (end - start) for r, start, end in zip(rows, elapsed, elapsed[1:], strict=False))
-    return 100 * (1 - waited / elapsed[-1])
+def grouped(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:
+    """Group flights by some of their properties, in the order in which they were flown."""
+    groups: dict[tuple[Any, ...], dict[Flight, EvaluationResult]] = {}
+    for flight, result in results.items():
+        groups.setdefault(tuple(flight.arm[name] for name in names), {})[flight] = result
+    return ((dict(zip(names, key, strict=True)), found) for key, found in groups.items())
 
 
-def targets_of(rows: Sequence[Row]) -> Iterator[Target]:
-    """Yield that images must be worth something: the lower end with them above the upper end without."""
-    arms = {(row["task"], row["sees"]): row for row in rows}
-    for (task, sight), row in arms.items():
-        if sight == SEEING:
-            blind = arms[task, BLIND]
-            what = f"{task}: lower end of its flights' interval, above the upper end of the blind control's"
-            spread = f"{row['percent']:g} % ({spread_of(row)}) against {blind['percent']:g} %"
-            yield Target(what, "at least", blind["flights_high"], row["flights_low"], "%", spread)
+def _per_task(results: Results, stages: Stages) -> Iterator[Row]:
+    for arm, found in grouped(results, "sees", "tier", "demos", "task"):
+        runs = [stages.run_of(flight.training) for flight in found]
+        own = [max((row.get("flights", 0.0) for row in read_metrics(run)), default=0.0) for run in runs]
+        cost = {"own_flights": round(float(np.mean(own))), "train_min": stages.minutes(f.training for f in found)}
+        yield {**arm, **pooled_row(found.values()), **cost}
+
+
+def _macro(results: Results) -> Iterator[Row]:
+    for arm, found in grouped(results, "sees", "tier", "demos"):
+        yield {**arm, **macro_row({of["task"]: [*flown.values()] for of, flown in grouped(found, "task")})}
+
+
+def _target(what: str, wanted: float, row: Row) -> Target:
+    spread = f"{row['flights_low']:g}-{row['flights_high']:g} over flights"
+    return Target(what, "at least", wanted, row["percent"], "%", spread)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from aerial_il.algorithms.bc import BC
@@ -14,6 +16,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.waypoints import LOOKAHEAD_S, Waypoints
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.mlp import MLP
+from aerial_il.policies.parts.layout import TO_BE_SEEN
 from experiments.common.demonstrations import Source
 from experiments.common.stages import Cloned
 from experiments.experts import study as experts
@@ -125,12 +128,43 @@ def test_every_target_can_be_missed() -> None:
     assert not any(target.met for target in targets)
 
 
-def test_a_target_asks_for_more_than_the_blind_reach() -> None:
-    seeing = {"task": "reach", "sees": "images", "percent": 60.0, "flights_low": 50.0, "flights_high": 69.0}
-    seeing |= {"trainings_low": None, "trainings_high": None}
-    blind = {**seeing, "sees": "blind", "percent": 40.0, "flights_high": 49.0}
-    assert [target.met for target in pixels.targets_of([seeing, blind])] == [True]
-    assert [target.met for target in pixels.targets_of([seeing, {**blind, "flights_high": 51.0}])] == [False]
+def test_flying_by_camera_is_judged_beside_its_controls() -> None:
+    study = pixels.Pixels(draws=(0,), tasks=("reach", "pick_place"))
+    flown = [(f.arm["sees"], f.tier) for f in study.planned() if f.arm["task"] == "reach"]
+    assert flown[:4] == [
+        ("perception", "calm"),
+        ("perception", "gusts"),
+        ("perception, images blanked", "calm"),
+        ("perception, first frame for ever", "calm"),
+    ]
+    hidden = {f.training.method: f.training.policy.masked_fields for f in study.planned()}
+    assert TO_BE_SEEN in hidden["end to end"]
+    spread = {"flights_low": 0.0, "flights_high": 100.0, "train_min": 70.0, "tier": "calm"}
+    macro = [{"sees": "perception, images blanked", "percent": 25.0, **spread}]
+    rows = [{"sees": "perception", "task": "pick_place", "percent": 96.0, **spread}]
+    verdicts = {target.what: target.met for target in study.targets_of(macro, rows)}
+    assert verdicts == {
+        "perception, images blanked: mean success": False,
+        "pick_place, perception: success": True,
+        "pick_place, perception: training": False,
+    }
+
+
+def test_misled_policies_see_what_they_are_shown() -> None:
+    class Looks:
+        def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
+            return obs["wrist_rgb"].reshape(2, -1)[:, :1] * 1.0
+
+        def reset(self, mask: np.ndarray | None = None) -> None: ...
+
+    frames = [np.full((2, 4, 4, 3), value, np.uint8) for value in (10, 20, 30)]
+    black, frozen = (pixels.Misled(Looks(), ("wrist_rgb",), frozen=each) for each in (False, True))
+    assert all(black.act({"wrist_rgb": frame}).max() == 0.0 for frame in frames)
+    assert [frozen.act({"wrist_rgb": frame}).tolist() for frame in frames] == [[[10.0], [10.0]]] * 3
+    frozen.reset(np.array([False, True]))
+    assert frozen.act({"wrist_rgb": frames[2]}).tolist() == [[10.0], [30.0]]
+    frozen.reset()
+    assert frozen.act({"wrist_rgb": frames[1]}).tolist() == [[20.0], [20.0]]
 
 
 SUITED = Waypoints(lookahead_s=LOOKAHEAD_S, flown_by="hand")

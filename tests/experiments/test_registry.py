@@ -101,7 +101,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("imitation", {"draws": ()}, "at least one"),
     ("imitation", {"flown_in": ("storm",)}, "storm"),
     ("learning_curve", {"sizes": ()}, "start at 1"),
-    ("pixels", {"policy": MLP()}, "sees no images"),
+    ("pixels", {"cameras": ()}, "arms and cameras"),
     ("policies", {"calls": 0}, "calls is 0"),
     ("policies", {"policies": ("mpl",)}, "Did you mean 'mlp'"),
     ("recording", {"num_envs": 0}, "got 0, "),

@@ -19,13 +19,13 @@ from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
 from aerial_il.algorithms.filtered_bc import FilteredBC
 from aerial_il.algorithms.npg import NPG
+from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.sac import SAC
 from aerial_il.core import registry
 from aerial_il.core.composition import build
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
-from experiments.pixels.study import POSE
 from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
 
@@ -102,10 +102,15 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "episodes": 3,
     },
     "pixels": lambda: {
-        "policy": MLP(hidden=(8,), image_features=4, obs_names=POSE, images=("wrist_rgb",)),
-        "algorithm": BC(steps=2, batch_size=4, validation=0.0),
-        "tasks": ("reach",),
-        "demos": 1,
+        "policy": MLP(hidden=(8,)),
+        "perception": Perception(
+            training=CLONING, steps=2, more_steps=2, batch_size=4, width=8, frames=4, redrawn=2, flown=2, episodes=1
+        ),
+        "end_to_end": MLP(hidden=(8,), image_features=4),
+        "cloning": BC(steps=2, batch_size=4, validation=0.0),
+        "tasks": ("press_button",),
+        "flown_in": ("calm",),
+        "demos": 2,
         "image_size": (24, 24),
         "episodes": 1,
     },
