@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 HELD_M = 0.07  # from the tool: what is nearer may be in the gripper, and stays there
-REACHES_M = (0.02, 0.08, 0.25)  # deviations of the displacement, one of them for each frame
+REACHES_M = (0.02, 0.08, 0.25, 0.6)  # deviations of the displacement, one of them for each frame
 VARIES_M, VARIES_RAD, APART_M = 1e-3, 1e-2, 5e-3
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 UP = np.array([0.0, 0.0, 1.0])

@@ -19,7 +19,7 @@ from aerial_il.policies.perception.targets import PLACE, Targets
 from aerial_il.policies.perception.tracker import Tracker
 
 FORCE_N = 10.0  # by which forces are divided
-LIKELY = 0.0  # logit above which a place is taken to be in the image
+PRESENT, ABSENT = 1.0, -1.0  # logits above and below which a place is taken to be in the image, and not to be
 
 
 class Eyes(nn.Module):
@@ -78,7 +78,9 @@ class Eyes(nn.Module):
             told_of, sigma = mean.numpy(), np.exp(spread.numpy())
             if target.kind == PLACE:
                 assert logits is not None
-                seen, cov = mask & (logits.numpy() > LIKELY), camera.spread(told_of, sigma)
+                seen, cov = mask & (logits.numpy() > PRESENT), camera.spread(told_of, sigma)
+                expected = camera.in_view(pose.seen(tracker.estimate(target.field)))
+                tracker.doubt(target.field, mask & expected & (logits.numpy() < ABSENT))
                 turn = pose.rot
                 values = pose.placed(camera.unproject(told_of))
                 tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2))

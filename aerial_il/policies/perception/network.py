@@ -21,6 +21,7 @@ from aerial_il.policies.perception.targets import NUMBER, PLACE, Target
 
 CHANNELS, KERNELS, STRIDES = (16, 32, 64, 64), (5, 3, 3, 3), (2, 2, 1, 1)
 MAP, GROUPS, BETA = 8, 8, 0.5
+PRESENCE = 0.5  # weight of whether a place is in the image
 SHARPEST, BLUREST = -6.0, 3.0  # log standard deviations
 
 
@@ -92,5 +93,5 @@ def loss_of(
         else:
             assert seen is not None
             losses.append((each.mean(1) * seen).sum() / seen.sum().clamp(min=1.0))
-            losses.append(0.1 * functional.binary_cross_entropy_with_logits(logits, seen))
+            losses.append(PRESENCE * functional.binary_cross_entropy_with_logits(logits, seen))
     return torch.stack(losses).sum()

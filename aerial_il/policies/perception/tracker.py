@@ -20,6 +20,7 @@ from aerial_il.policies.perception.targets import PLACE, Target
 SWITCH = 0.02  # chance, from one frame to the next, that what rested moves with the tool, or the other way round
 FAR = 9.0  # squared distance, in deviations, beyond which a measurement weighs less
 LEAST_M = 1e-3  # deviation that a place is never known better than
+DOUBTED = 0.8  # share of what is known that is kept where a place should be in an image, and is not
 UNKNOWN = 2.0  # deviations of the demonstrations, by which nothing is known
 
 
@@ -60,6 +61,14 @@ class Tracker:
             values: (n, D). spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
         """
         self._filters[field].tell(mask, values, spread)
+
+    def doubt(self, field: str, mask: np.ndarray) -> None:
+        """Know less of a place in the worlds of ``mask`` (n,) bool: where it should be in an image, it is not."""
+        self._filters[field].doubt(mask)
+
+    def estimate(self, field: str) -> np.ndarray:
+        """Return one estimate (n, D) as it is."""
+        return self._filters[field].estimate()
 
     def estimates(self) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)``."""
@@ -110,6 +119,9 @@ class _Numbers:
         self.mean[mask] += gain * missed
         self.var[mask] = (1.0 - gain) * var
 
+    def doubt(self, mask: np.ndarray) -> None:
+        self.var[mask] = np.minimum(self.var[mask] / DOUBTED, np.square(UNKNOWN * self._target.scale))
+
     def estimate(self) -> np.ndarray:
         return self.mean.copy()
 
@@ -145,9 +157,17 @@ class _Place:
         apart = mean[:, :, None] - mixed[:, None]
         spread = np.einsum("nij,nijk,nijl->njkl", share, apart, apart)
         cov = np.einsum("nij,nikl->njkl", share, cov) + spread
-        cov = cov / self._keep
+        self.mean[mask], self.cov[mask], self.chance[mask] = mixed, self._at_most(cov / self._keep), now
+
+    def doubt(self, mask: np.ndarray) -> None:
+        """Know less, and the nearer to nothing the nearer to where it ordinarily is."""
+        self.cov[mask] = self._at_most(self.cov[mask] / DOUBTED)
+        self.mean[mask] = self._centre + DOUBTED * (self.mean[mask] - self._centre)
+
+    def _at_most(self, cov: np.ndarray) -> np.ndarray:
+        """Return covariances (n, 2, 3, 3) no larger than that of knowing nothing."""
         too_much = np.maximum(1.0, np.trace(cov, axis1=2, axis2=3) / np.trace(self._unknown))
-        self.mean[mask], self.cov[mask], self.chance[mask] = mixed, cov / too_much[..., None, None], now
+        return cov / too_much[..., None, None]
 
     def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
         mean, cov = self.mean[mask], self.cov[mask]

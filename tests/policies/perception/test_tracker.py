@@ -57,6 +57,20 @@ def test_one_wrong_look_does_little():
     assert (np.linalg.norm(tracker.estimates()["cube"] - place, axis=1) < 0.02).all()
 
 
+def test_what_is_not_where_it_should_be_is_forgotten():
+    tracker, place = started(), np.array([[0.3, 0.1, 0.5], [0.3, 0.1, 0.5]])
+    for _ in range(30):
+        look(tracker, place)
+    sure = tracker.deviations()["cube"]
+    for _ in range(30):
+        tracker.fade(BOTH)
+        tracker.doubt("cube", np.array([True, False]))
+    gone, still = tracker.estimates()["cube"]
+    assert np.linalg.norm(gone) < 0.01, "ordinarily it is in the middle"
+    np.testing.assert_allclose(still, place[1], atol=0.01)
+    assert tracker.deviations()["cube"][0] > 20 * sure[0]
+
+
 def test_of_two_cameras_the_surer_counts_more():
     tracker = started()
     for _ in range(20):
