@@ -10,6 +10,7 @@ import pytest
 
 from aerial_il.collection.collect import collect
 from aerial_il.control.controller_state import FORCE
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.dataset import open_dataset
 from aerial_il.experts import make
@@ -215,3 +216,17 @@ def test_a_recording_says_what_disturbed_it(tmp_path: Path) -> None:
     assert episode.provenance["tier"] == "hard"
     assert episode.provenance["disturbances"] == worlds.spec.disturbances
     assert episode.provenance["drawn"] == json.loads(json.dumps(worlds.drawn(7)))
+
+
+def test_at_half_the_rate_every_other_action_holds_for_two_steps() -> None:
+    slow, calm = batch(ROBOT, TASK, "calm+rate:25", "velocity"), batch(ROBOT, TASK, "calm", "velocity")
+    slow.reset(SEEDS), calm.reset(SEEDS)
+    actions = np.random.default_rng(4).uniform(-0.3, 0.3, (10, len(SEEDS), calm.spec.action.size))
+    for step, action in enumerate(actions):
+        slow.step(action), calm.step(actions[step - step % 2])
+        np.testing.assert_array_equal(slow.simulation.view.qpos, calm.simulation.view.qpos)
+    assert slow.spec.disturbances["rate"]["every"] == 2
+    with pytest.raises(
+        InvalidValueError, match=r"30 Hz is no whole .*: 50 or 25 or 16\.7"
+    ):
+        tiers.get("calm+rate:30")
