@@ -189,7 +189,8 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
     )
-    written = results.save(result, Path(settings.out), env=env, videos=settings.videos, progress=settings.progress)
+    shown = {"policy": pilot.policy, "videos": settings.videos}
+    written = results.save(result, Path(settings.out), env=env, **shown, progress=settings.progress)
     journal.close()
     return result, written
 

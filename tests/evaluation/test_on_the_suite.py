@@ -46,7 +46,7 @@ def test_a_flight_is_filmed_as_it_was_judged(tmp_path: Path, monkeypatch: pytest
     seed = result.seeds[1]  # flown in world 1, flown again in world 0
     actions = result.flights[seed].actions
     assert actions is not None
-    won = [bool(info["success"][0]) for info in video.fly_again(env, seed, actions)]
+    won = [bool(step.info["success"][0]) for step in video.fly_again(env, seed, actions)]
     assert won == [False] * (len(actions) - 1) + [True]
     (clip,) = video.film(env, result, tmp_path, successes=1, failures=0).clips
     env.close()

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import repeat, zip_longest
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Policy, StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic, writing
 from aerial_il.core.places import MADE_BY
@@ -30,10 +30,14 @@ from aerial_il.data.provenance import DROPPED
 from aerial_il.evaluation.failures import kind_of, kinds_of
 from aerial_il.evaluation.metrics import End, EpisodeRecord, why_ended
 from aerial_il.evaluation.result import EvaluationResult, Flight
+from aerial_il.policies.parts.flying import FlyingPolicy
 from aerial_il.presentation.films.overlay import Caption, compose
 from aerial_il.presentation.films.scene_renderer import SceneRenderer
 from aerial_il.presentation.pages.page import data_uri
 from aerial_il.presentation.studio.studio import QUICK
+
+if TYPE_CHECKING:
+    from aerial_il.presentation.films.sight import Sight
 
 FPS = 25
 HOLD_S = 1.2  # the last frame stays this long, so that the outcome can be read
@@ -41,6 +45,7 @@ LONGEST_CLIP_S = 12.0  # longer episodes play faster
 MAX_RATE = 500_000  # bit/s, which keeps the longest clip below 1 MB
 JPEG_QUALITY = 85
 VIEW_SIZE = (396, 528)  # height, width of one camera view
+SEEN = "seen"  # what the view of a policy's own images is called
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,7 @@ def film(
     successes: int = 2,
     failures: int = 2,
     cameras: Sequence[str] = ("scene", "wrist"),
+    policy: Policy | None = None,
     progress: bool = False,
 ) -> Footage:
     """Film the first successes, and of failures the first of each kind, the most frequent kind first.
@@ -99,6 +105,7 @@ def film(
         folder: where the MP4 files go, named ``seed_<seed>_<end>.mp4``.
         successes, failures: how many of each, at most.
         cameras: views from left to right; those that the environment lacks are left out.
+        policy: what flew; of one that looks at images, these are shown beside the scene, with what it makes of them.
         progress: show a progress bar for each film.
 
     Returns:
@@ -113,7 +120,8 @@ def film(
     clips = []
     for episode in sorted(chosen, key=lambda e: result.seeds.index(e.seed)):
         path = Path(folder) / f"seed_{episode.seed}_{episode.end}.mp4"
-        clips.append(film_episode(env, result, episode, path, cameras=views, progress=progress))
+        sight = sight_of(policy)
+        clips.append(film_episode(env, result, episode, path, cameras=views, sight=sight, progress=progress))
     return Footage(tuple(clips))
 
 
@@ -130,7 +138,7 @@ def rendering_problem(env: BatchEnv, cameras: Sequence[str]) -> str:
 
 def film_episode(
     env: BatchEnv, result: EvaluationResult, episode: EpisodeRecord, path: Path, *, cameras: Sequence[str],
-    progress: bool = False,
+    sight: Sight | None = None, progress: bool = False,
 ) -> Clip:  # fmt: skip
     """Fly one episode again in world 0 of ``env`` and write its film.
 
@@ -145,11 +153,12 @@ def film_episode(
     stride, rate = rate_of(dt, FPS)
     title = " · ".join((result.task, result.robot, result.tier, f"seed {episode.seed}"))
     title += f" · {speed}x" if speed > 1 else ""
-    moments = _moments(env, episode, flight, title=title, stride=speed * stride)
+    moments = _moments(env, episode, flight, title=title, stride=speed * stride, sight=sight)
     if env.engine is None:
         frames = (compose({name: env.render(0, name, *VIEW_SIZE) for name in cameras}, said) for said in moments)
     else:
-        frames = _in_the_studio(env.model_xml, [(said, env.get_state()[0]) for said in moments], cameras)
+        seen = [(said, env.get_state()[0], sight and sight.picture(VIEW_SIZE[0])) for said in moments]
+        frames = _in_the_studio(env.model_xml, seen, cameras[:1] if sight else cameras)
     steps, name = range(len(flight.actions))[:: speed * stride], f"film of seed {episode.seed}"
     total = len(steps) + (steps[-1] != len(flight.actions) - 1)  # the last moment is always shown
     drawn = Progress(frames, total=total, desc=name, unit="frame", disable=not progress)
@@ -158,12 +167,16 @@ def film_episode(
     return clip
 
 
-def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, stride: int) -> Iterator[Caption]:
-    """Fly again and yield what there is to say whenever a picture is due."""
+def _moments(
+    env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: str, stride: int, sight: Sight | None
+) -> Iterator[Caption]:
+    """Fly again, look on, and yield what there is to say whenever a picture is due."""
     assert flight.actions is not None
     length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
-    for step, info in enumerate(fly_again(env, episode.seed, flight.actions)):
-        done |= info["subtasks"][0]
+    for step, result in enumerate(fly_again(env, episode.seed, flight.actions)):
+        done |= result.info["subtasks"][0]
+        if sight is not None:
+            sight.look(result.obs)
         last = step == length - 1
         if step % stride and not last:
             continue
@@ -178,28 +191,44 @@ def _moments(env: BatchEnv, episode: EpisodeRecord, flight: Flight, *, title: st
 
 
 def _in_the_studio(
-    model_xml: str, moments: Sequence[tuple[Caption, np.ndarray]], cameras: Sequence[str], bar: Progress | None = None
+    model_xml: str,
+    moments: Sequence[tuple[Caption, np.ndarray, np.ndarray | None]],
+    cameras: Sequence[str],
+    bar: Progress | None = None,
 ) -> Iterator[np.ndarray]:
-    """Draw captions and states (S,) as people see them, from where the flight fills the picture for ``scene``."""
+    """Draw captions and states (S,) as people see them, from where the flight fills the picture for ``scene``.
+
+    Beside them stands what the robot sees, where there is a picture of it.
+    """
     with SceneRenderer(model_xml) as scene:
-        whole = scene.frame([state for _, state in moments], VIEW_SIZE[1] / VIEW_SIZE[0])
+        whole = scene.frame([state for _, state, _ in moments], VIEW_SIZE[1] / VIEW_SIZE[0])
         names = [name for name in cameras if name == "scene" or name in scene.cameras][:2]
         views = {"flight" if name == "scene" else name: whole if name == "scene" else name for name in names}
-        for caption, state in moments:
+        for caption, state, seen in moments:
             pictures = {name: scene.draw(state, view, *VIEW_SIZE, exposures=QUICK) for name, view in views.items()}
+            pictures |= {} if seen is None else {SEEN: seen}
             yield compose(pictures, caption)
             if bar is not None:
                 bar.update()
 
 
-def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[dict[str, np.ndarray]]:
-    """Step world 0 through recorded actions (T, Da) from its seed; yield the step infos."""
+def sight_of(policy: Policy | None) -> Sight | None:
+    """Return what shows the images that a policy looks at, or None where it looks at none."""
+    if not (isinstance(policy, FlyingPolicy) and policy.interface.layout.images):
+        return None
+    from aerial_il.presentation.films.sight import Sight
+
+    return Sight(policy)
+
+
+def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[StepResult]:
+    """Step world 0 through recorded actions (T, Da) from its seed; yield what comes of each."""
     only_first = np.arange(env.num_envs) == 0
     env.reset(np.full(env.num_envs, seed), only_first)
     batch = np.tile(actions[0], (env.num_envs, 1))
     for action in actions:
         batch[0] = action
-        yield env.step(batch, only_first).info
+        yield env.step(batch, only_first)
 
 
 def film_recording(
@@ -220,7 +249,7 @@ def film_recording(
     stride, rate = rate_of(episode.spec.control_dt_s, FPS)
     shown = range(len(episode)) if steps is None else steps
     due = [*shown[::stride], shown.stop]
-    moments = [(caption_of(episode, step, flags), episode.states[step]) for step in due]
+    moments = [(caption_of(episode, step, flags), episode.states[step], None) for step in due]
     with Progress(total=len(due), desc="film", unit="frame", disable=not progress) as bar:
         frames = _in_the_studio(episode.model_xml, moments, ("scene", "wrist", "base"), bar)
         write_mp4(path, frames, rate=rate, hold_frames=round(HOLD_S * rate))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.data.dataset import open_dataset
 from aerial_il.evaluation.curves import DatasetSummary
 from aerial_il.evaluation.result import EvaluationResult
@@ -25,12 +25,15 @@ class Written:
     note: str
 
 
-def save(result: EvaluationResult, folder: Path, *, env: BatchEnv, videos: int, progress: bool = False) -> Written:
+def save(
+    result: EvaluationResult, folder: Path, *, env: BatchEnv, policy: Policy, videos: int, progress: bool = False
+) -> Written:
     """Write evaluation.json, films of ``videos`` successes and failures each, and the page."""
     file = result.save(folder)
     footage = Footage()
     if videos:
-        footage = film(env, result, folder / VIDEOS, successes=videos, failures=videos, progress=progress)
+        shown = {"successes": videos, "failures": videos, "policy": policy}
+        footage = film(env, result, folder / VIDEOS, **shown, progress=progress)
     command = str(result.provenance.get("command", ""))
     page = write_report(folder / PAGE, result, footage=footage, command=command)
     return Written(Path(file), Path(page), footage.note)

@@ -63,7 +63,7 @@ def test_flying_again_ends_as_it_did_before(diver: EvaluationResult) -> None:
     for episode in diver.episodes:
         actions = diver.flights[episode.seed].actions
         assert actions is not None
-        infos = list(video.fly_again(env, episode.seed, actions))
+        infos = [step.info for step in video.fly_again(env, episode.seed, actions)]
         assert bool(infos[-1]["success"][0]) == episode.success
         assert bool(infos[-1]["crash"][0]) == (episode.end == "crash")
         assert not any(info["success"][0] for info in infos[:-1])

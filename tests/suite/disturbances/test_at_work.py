@@ -226,7 +226,5 @@ def test_at_half_the_rate_every_other_action_holds_for_two_steps() -> None:
         slow.step(action), calm.step(actions[step - step % 2])
         np.testing.assert_array_equal(slow.simulation.view.qpos, calm.simulation.view.qpos)
     assert slow.spec.disturbances["rate"]["every"] == 2
-    with pytest.raises(
-        InvalidValueError, match=r"30 Hz is no whole .*: 50 or 25 or 16\.7"
-    ):
+    with pytest.raises(InvalidValueError, match=r"30 Hz is no whole .*: 50 or 25 or 16\.7"):
         tiers.get("calm+rate:30")

@@ -1,0 +1,50 @@
+"""Films of policies that look show what they see, and where they take things to be."""
+
+from __future__ import annotations
+
+from contextlib import closing
+
+import numpy as np
+import pytest
+
+import aerial_il
+from aerial_il.policies.perception.eyes import Eyes
+from aerial_il.policies.perception.policy import PerceivingPolicy
+from aerial_il.policies.perception.targets import Targets
+from aerial_il.presentation.films.sight import ESTIMATES, TRUTH, Sight
+from aerial_il.presentation.films.video import sight_of
+from tests.links.test_fly import fresh_policy
+
+IMAGES = ("wrist_rgb", "base_rgb")
+pytestmark = pytest.mark.render
+
+
+def test_estimates_and_truth_are_drawn_where_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = aerial_il.load_batch("fa_hexa_arm4", "pick_place", num_envs=2, cameras=("wrist", "base"), image_size=(32, 32))
+    with closing(env):
+        obs = env.reset(3)
+        flights = [{name: values.repeat(2, 0) for name, values in env.reset(seed).items()} for seed in range(4)]
+        pilot = fresh_policy("mlp", spec=env.spec, hidden=(8,))
+        targets = Targets.of(env.spec.observation, flights, env.spec.observation.state_names)
+        policy = PerceivingPolicy(pilot, Eyes.of(env.spec, IMAGES, targets, 16), every=2, forget=0.9)
+        sight = sight_of(policy)
+        assert isinstance(sight, Sight)
+        sight.look(obs)
+        blank = sight.picture(400)
+        assert blank.shape == (400, 200, 3)
+        monkeypatch.setattr(sight, "_estimates", {name: obs[name][:1] for name in ("cube_pos", "bowl_pos")})
+        drawn = sight.picture(400)
+    for colour in (*ESTIMATES[:2], TRUTH):
+        assert (drawn == colour).all(-1).any(), colour
+    camera = policy.eyes.cameras[1]
+    across, up, _ = camera.project(camera.pose(obs).seen(obs["cube_pos"]))[0]
+    rows, columns = np.nonzero((drawn[200:] == TRUTH).all(-1))
+    near = np.hypot(rows - 100 * (1 - up), columns - 100 * (1 + across)).min()
+    assert near < 12
+
+
+def test_who_does_not_look_has_no_sight() -> None:
+    env = aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=1)
+    with closing(env):
+        assert sight_of(aerial_il.expert("ua_quad_arm4", "reach")) is None
+        assert sight_of(fresh_policy("mlp", spec=env.spec, hidden=(8,))) is None
