@@ -140,11 +140,12 @@ def _identity(result: EvaluationResult) -> str:
 
 def _name(result: EvaluationResult) -> str:
     """Return a method's name for people, which others may have too."""
-    how = result.provenance.get(TRAINED)
+    how, seen = result.provenance.get(TRAINED), result.provenance.get("observations")
+    onboard = ", by its cameras" if seen == "onboard" else ""
     if not isinstance(how, Mapping):
-        return result.policy
+        return f"{result.policy}{onboard}"
     known = {"bc": ""}.get(str(how.get("algorithm")), f", {how.get('algorithm')}")
-    return f"{how.get('policy')}{known}, {how.get('demonstrations') or 'no'} demonstrations"
+    return f"{how.get('policy')}{known}{onboard}, {how.get('demonstrations') or 'no'} demonstrations"
 
 
 def _how(result: EvaluationResult) -> dict[str, Any]:
