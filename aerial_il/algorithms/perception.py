@@ -29,6 +29,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import ClassVar
 
+import mujoco
 import numpy as np
 import torch
 
@@ -46,7 +47,9 @@ from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
+from aerial_il.core.scene_gate import compiled
 from aerial_il.core.seeding import named_rng, torch_threads
+from aerial_il.core.specs import camera_name
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
@@ -148,6 +151,7 @@ class Perception:
         run, demos = Path(run), [episode for episode in dataset if episode.success]
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
+        check_cameras(demos[0], env.model, policy.images)  # type: ignore[arg-type]
         told = tuple(name for name in policy.masked_fields if name != TO_BE_SEEN)
         state = replace(policy, images=(), masked_fields=told)
         pilot = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
@@ -159,6 +163,24 @@ class Perception:
             if not resume:
                 shutil.rmtree(run / FLIGHTS, ignore_errors=True)
             return _Run(self, folder, env, collect, pilot, policy.images, demos, seed, progress).finish(evaluate)
+
+
+def check_cameras(demo: Episode, model: mujoco.MjModel, images: Sequence[str]) -> None:
+    """Refuse demonstrations that were taken through other cameras than the robot has now.
+
+    Raises:
+        InvalidValueError: names the camera, and how it differs.
+    """
+    recorded = compiled(demo.model_xml)
+    for name in map(camera_name, images):
+        then, now = (each.cam(name) for each in (recorded, model))
+        same = {key: np.allclose(getattr(then, key), getattr(now, key), atol=1e-6) for key in ("fovy", "pos", "quat")}
+        if not all(same.values()):
+            differing = ", ".join(f"{k} {getattr(then, k)} != {getattr(now, k)}" for k in same if not same[k])
+            raise InvalidValueError(
+                f"The demonstrations were recorded through another camera {name!r} than {demo.spec.robot} has now "
+                f"({differing}): nothing can be measured in their images. Record them again: aerial-il collect."
+            )
 
 
 class _Run:

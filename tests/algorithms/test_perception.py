@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il import robots
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
@@ -129,3 +130,15 @@ def test_what_is_in_the_gripper_stays_there(tmp_path):
 def test_without_images_nothing_is_seen(shown, tmp_path):
     with closing(environment("press_button")) as env, pytest.raises(InvalidValueError, match=r"policy\.images=\[wrist"):
         SMALL.train(open_dataset(shown), MLP(), run=tmp_path / "run", env=env, collect=collect)
+
+
+def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monkeypatch):
+    policy = trained(shown, tmp_path / "run", replace(SMALL, rounds=0))
+    robot = robots.get("fa_hexa_arm4")
+    wider = tuple(replace(camera, fov=camera.fov + 15.0) for camera in robot.mounted_cameras)
+    monkeypatch.setattr(robots, "get", lambda name: replace(robot, cameras=wider))
+    with closing(environment("press_button")) as env:
+        with pytest.raises(InvalidValueError, match=r"wrist_rgb is taken with \d+ degrees on the tool, not \d+"):
+            policy.attach(env)
+        with pytest.raises(InvalidValueError, match=r"another camera 'wrist' .* \(fovy .*Record them again"):
+            SMALL.train(open_dataset(shown, cameras=IMAGES), POLICY, run=tmp_path / "again", env=env, collect=collect)

@@ -121,6 +121,17 @@ class Camera:
         across, up = self.project(own)[:, :2].T
         return (own[:, 2] > NEAREST_M) & (np.abs(across) < 1.0) & (np.abs(up) < 1.0)
 
+    def differs(self, other: Camera) -> str:
+        """Return in words how another camera of the same name is not this one; nothing if it is."""
+        if (self.mount, round(self.slope, 6)) != (other.mount, round(other.slope, 6)):
+            mine, theirs = (
+                f"{np.rad2deg(2.0 * np.arctan(each.slope)):.0f} degrees on the {each.mount}" for each in (self, other)
+            )
+            return f"{self.image} is taken with {theirs}, not {mine}"
+        if np.allclose(self.pos, other.pos, atol=1e-6) and np.allclose(self.rot, other.rot, atol=1e-6):
+            return ""
+        return f"the camera of {self.image} is elsewhere, or looks elsewhere"
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
         numbers = {"rot": self.rot.tolist(), "pos": self.pos.tolist(), "slope": float(self.slope)}

@@ -11,7 +11,8 @@ import torch
 from torch import Tensor
 
 from aerial_il.core.checkpoint import Checkpoint
-from aerial_il.core.contracts import Observation
+from aerial_il.core.contracts import BatchEnv, Observation
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.flying import Question
@@ -19,6 +20,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of
 from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.parts.relative import rotations
+from aerial_il.policies.perception.cameras import Camera
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.tracker import Tracker
 
@@ -65,6 +67,12 @@ class PerceivingPolicy(ChunkPolicy):
     def deviations(self) -> dict[str, np.ndarray]:
         """``field -> (n,)``, how sure the newest estimates are."""
         return self._tracker.deviations()
+
+    def attach(self, env: BatchEnv) -> None:
+        super().attach(env)
+        for camera in self.eyes.cameras:
+            if said := camera.differs(Camera.of(env.spec, camera.image)):
+                raise InvalidValueError(f"In {env.spec.robot} {said}: what was learned there cannot be measured here.")
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         super().reset(mask)
