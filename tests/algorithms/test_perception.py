@@ -16,6 +16,7 @@ from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.seeing.redrawing import HELD_M, Redrawing
 from aerial_il.collection.collect import collect
+from aerial_il.core.contracts import attach
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.policies.mlp import MLP
@@ -61,14 +62,15 @@ def test_flies_on_what_it_sees_and_repeats_itself_from_disk(shown, tmp_path):
     assert rows[1]["flights"] == 2
     with closing(environment("press_button")) as env:
         for each in (policy, again):
-            each.attach(env)
+            attach(each, env)
         obs = env.reset(50)
         for _ in range(6):
             action = policy.act(obs)
             np.testing.assert_array_equal(action, again.act(obs))
-            lied = {n: v + 1.0 if n in env.spec.observation.to_be_seen else v for n, v in obs.items()}
             obs = env.step(action).obs
-        policy.reset(), again.reset()
+        lied = {n: v + 1.0 if n in env.spec.observation.to_be_seen else v for n, v in obs.items()}
+        policy.reset()
+        again.reset()
         np.testing.assert_array_equal(policy.act(lied), again.act({**lied, "button_pos": lied["button_pos"] - 7.0}))
 
 
