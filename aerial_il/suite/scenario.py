@@ -14,7 +14,7 @@ from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
@@ -34,7 +34,8 @@ class Scenario:
     """A cell with a tier, an action level, a flight law and cameras: everything that defines an environment.
 
     Attributes:
-        image_size: height and width of images, pixels, of cameras whose robot does not say theirs.
+        cameras: images among the observations, see :func:`parse_cameras`.
+        image_size: height and width of images, pixels, where neither ``cameras`` nor the robot says another.
         horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and
             an end at success.
 
@@ -92,8 +93,13 @@ class Scenario:
         """Names of all cameras: the scene's, then the robot's."""
         return (SCENE, *(camera.name for camera in self.robot.mounted_cameras))
 
-    def camera(self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None) -> CameraRequest:
+    def camera(
+        self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None, **timing: int
+    ) -> CameraRequest:
         """Return a request of one camera's image, of ``size`` (height, width) pixels, its own or ``image_size``.
+
+        Args:
+            timing: ``every`` and ``delay`` of :class:`CameraRequest`.
 
         Raises:
             UnknownNameError: no such camera or modality.
@@ -101,7 +107,7 @@ class Scenario:
         if name not in self.camera_names:
             raise UnknownNameError("camera", name, self.camera_names)
         own = {camera.name: camera.size for camera in self.robot.mounted_cameras}
-        return CameraRequest(name, modality, size or own.get(name) or self.image_size)
+        return CameraRequest(name, modality, size or own.get(name) or self.image_size, **timing)
 
     @property
     def tier(self) -> Tier:
@@ -137,10 +143,7 @@ class Scenario:
     @cached_property
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""
-        images = tuple(
-            Field(c.key, c.shape, "image", dtype=c.dtype, frame=f"camera {c.camera}", meaning=c.meaning)
-            for c in self.camera_requests
-        )
+        images = (request.field for request in self.camera_requests)
         state = (*robot_fields(self.robot), *self.task.fields())
         return EnvSpec(
             robot=self.robot_name,

@@ -12,7 +12,7 @@ import numpy as np
 
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
-from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.core.specs import EnvSpec, Field, camera_text
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations, turned
 from aerial_il.policies.parts.switches import Switches
@@ -137,8 +137,8 @@ class Layout:
 
     @property
     def cameras(self) -> str:
-        """The images and their sizes in words."""
-        return _in_words(zip(self.images, self.image_shapes, strict=True))
+        """The images, their sizes and when they are taken, in words."""
+        return _in_words(self.spec.observation[name] for name in self.images)
 
     def relate(self, frames: np.ndarray) -> np.ndarray:
         """Return frames (..., Do) as the network sees them.
@@ -282,18 +282,28 @@ def _has_axes(field: Field) -> bool:
 
 
 def check_cameras(layout: Layout, spec: EnvSpec) -> None:
-    """Raise :class:`InvalidValueError`, naming both, unless ``spec`` shows the images of ``layout`` in their sizes."""
-    shown = {f.name: f.shape for f in spec.observation.of_group("image")}
-    wanted = dict(zip(layout.images, layout.image_shapes, strict=True))
-    if any(shown.get(name) != shape for name, shape in wanted.items()):
+    """Raise :class:`InvalidValueError`, naming both, unless ``spec`` shows the images of ``layout`` as it has them."""
+    shown = spec.observation.of_group("image")
+    wanted = [layout.spec.observation[name] for name in layout.images]
+    if {_taken(field) for field in wanted} - {_taken(field) for field in shown}:
+        asked = ",".join(camera_text(field, layout.spec.control_dt_s) for field in wanted)
         raise InvalidValueError(
-            f"The policy sees {layout.cameras}; the environment shows {_in_words(shown.items())}. "
-            "Load it with the policy's cameras=... and image_size=...."
+            f"The policy sees {layout.cameras}; the environment shows {_in_words(shown)}. "
+            f"Load it with cameras=[{asked}]."
         )
 
 
-def _in_words(images: Iterable[tuple[str, tuple[int, ...]]]) -> str:
-    return ", ".join(f"{name} {_size(shape)}" for name, shape in images) or "no images"
+def _taken(field: Field) -> tuple[object, ...]:
+    return field.name, field.shape, field.every, field.delay
+
+
+def _in_words(images: Iterable[Field]) -> str:
+    return ", ".join(f"{field.name} {_size(field.shape)}{_timing(field)}" for field in images) or "no images"
+
+
+def _timing(field: Field) -> str:
+    every = f" every {field.every} steps" if field.every > 1 else ""
+    return f"{every} {field.delay} steps late" if field.delay else every
 
 
 def _size(shape: tuple[int, ...]) -> str:
