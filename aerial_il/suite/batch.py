@@ -13,12 +13,13 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.seeding import seeds_of
 from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.cameras import CameraRequest
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.episode.assessment import Assessment
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.physics_model import physics_model
-from aerial_il.suite.rendering import CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import FrameRenderer
 from aerial_il.suite.rig import Rig
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import PHYSICS_DT_S
@@ -193,10 +194,10 @@ class BatchEnvironment:
 
     def _shoot(self, world: int, requests: Sequence[CameraRequest]) -> list[np.ndarray]:
         """Render images of one world."""
-        data, images = self.data(world), []
+        data, sight, images = self.data(world), self.simulation.sight(world), []
         for request in requests:
             renderer = self._renderers.setdefault(request.size, FrameRenderer(self.model, *request.size))
-            images.append(renderer.shoot(data, request, self.simulation.camera_offset(world, request.camera)))
+            images.append(renderer.shoot(data, request, sight))
         return images
 
     def data(self, world: int) -> mujoco.MjData:

@@ -13,10 +13,11 @@ from dm_env import specs
 
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.batch import info_of
+from aerial_il.suite.cameras import CameraRequest
 from aerial_il.suite.episode.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import Physics, PhysicsBatch
-from aerial_il.suite.rendering import CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import FrameRenderer
 from aerial_il.suite.rig import Rig
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import SUBSTEPS
@@ -76,7 +77,7 @@ class SuiteTask(control.Task):
         """Render one image of the world."""
         physics = self._physics
         renderer = self._renderers.setdefault(request.size, FrameRenderer(physics.model.ptr, *request.size))
-        return renderer.shoot(physics.data.ptr, request, self.simulation.camera_offset(0, request.camera))
+        return renderer.shoot(physics.data.ptr, request, self.simulation.sight(0))
 
     def _shoot(self, _: int, requests: Sequence[CameraRequest]) -> list[np.ndarray]:
         return [self.shoot(request) for request in requests]

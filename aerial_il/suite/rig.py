@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from aerial_il.suite.rendering import CameraRequest
+from aerial_il.suite.cameras import CameraRequest
 
 
 class Rig:

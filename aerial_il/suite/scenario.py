@@ -18,10 +18,10 @@ from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
+from aerial_il.suite.cameras import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.physics.episode_state import sight_size
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.physics.rotors import rotor_wrenches
-from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
 from aerial_il.suite.sensors import robot_fields
 from aerial_il.suite.tasks.task import Task
@@ -133,11 +133,11 @@ class Scenario:
     @cached_property
     def rotors(self) -> np.ndarray:
         """(R, 6) force and torque about the base origin of each rotor per newton of thrust, base frame; as built."""
-        return rotor_wrenches(self._compiled)
+        return rotor_wrenches(self.model)
 
     @cached_property
-    def _compiled(self) -> mujoco.MjModel:
-        """A model to look things up in."""
+    def model(self) -> mujoco.MjModel:
+        """The compiled scene, to look things up in."""
         return self.compile()
 
     @cached_property
@@ -155,7 +155,7 @@ class Scenario:
             max_steps=self.horizon or limit_of(self.task),
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
-            state_size=mujoco.mj_stateSize(self._compiled, STATE),
+            state_size=mujoco.mj_stateSize(self.model, STATE),
             disturbances=self.disturbances,
             controller=self.controller,
         )
