@@ -77,6 +77,11 @@ class Field:
         """Whether it is a colour image, (H, W, 3) uint8; depth is (H, W) float metres, segmentation (H, W) ids."""
         return self.group == "image" and self.dtype == "uint8" and self.shape[2:] == (3,)
 
+    @property
+    def is_depth(self) -> bool:
+        """Whether it is a depth image, (H, W) float metres."""
+        return self.group == "image" and self.dtype == "float32" and len(self.shape) == 2
+
     def element_labels(self) -> tuple[str, ...]:
         """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""
         labels = self.labels or tuple(str(i) for i in range(self.size))

@@ -35,7 +35,7 @@ class Layout:
         spec: the environment that the demonstrations came from.
         names: observation fields, in the order of the columns.
         anchor: the position field that other positions are relative to, or None.
-        images: colour images that the network sees beside the columns.
+        images: colour and depth images that the network sees beside the columns.
         relative: whether vectors are seen, and actions are poses, in the end effector's own frame.
         unseen: fields that others are counted from, which the network itself sees as zeros: not seeing where it is, it
             does alike everywhere.
@@ -54,11 +54,11 @@ class Layout:
                 choices = ", ".join(self.spec.observation.state_names)
                 hint = f"Name it in images=[...]; among the columns it can see {choices}."
                 raise InvalidValueError(f"Observation {name!r} is an image. {hint}")
-        recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour)
+        recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour or f.is_depth)
         for name in self.images:
             if name not in recorded:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
-                raise UnknownNameError("colour image", name, recorded, hint)
+                raise UnknownNameError("colour or depth image", name, recorded, hint)
         if not {*self.names} - {*self.unseen} and not self.images:
             raise InvalidValueError("The policy sees neither a state field nor an image. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
@@ -90,8 +90,13 @@ class Layout:
 
     @property
     def image_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes (H, W, 3) of the images, in their order."""
+        """Shapes (H, W, 3), or (H, W) of depth, of the images, in their order."""
         return tuple(self.spec.observation[name].shape for name in self.images)
+
+    @property
+    def image_dtypes(self) -> tuple[str, ...]:
+        """``uint8`` of colour, ``float32`` of depth, m, in their order."""
+        return tuple(self.spec.observation[name].dtype for name in self.images)
 
     @property
     def anchored(self) -> int:
@@ -121,7 +126,10 @@ class Layout:
         return frames
 
     def look(self, obs: Observation) -> dict[str, np.ndarray]:
-        """Return the images (n, H, W, 3) uint8 that the network sees by name, of observations ``name -> (n, ...)``.
+        """Return the images (n, H, W, 3) uint8, or (n, H, W) float32 m, that the network sees, by name.
+
+        Args:
+            obs: observations ``name -> (n, ...)``.
 
         Raises:
             UnknownNameError: one is missing. InvalidValueError: one has another size.
