@@ -59,7 +59,7 @@ class Cameras:
     question: ClassVar[str] = "How much of what they handle do robots see, and how large?"
 
     robots: tuple[str, ...] = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1", "floating_gripper")
-    tasks: tuple[str, ...] = ()
+    tasks: tuple[str, ...] = ("reach", "press_button", "pick_place", "open_door", "insert_peg", "rotate_valve")
     fov: tuple[float, ...] = ()
     episodes: int = 16
     seed: int = 20_000

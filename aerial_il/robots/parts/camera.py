@@ -15,8 +15,8 @@ from aerial_il.robots.parts.base import Base
 UP, AHEAD, DOWN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 LARGEST_IMAGE = (960, 1280)  # height, width, pixels
 WIDE_DEG = 75.0
-WRIST_DEG, BASE_DEG = 90.0, 100.0  # of cameras beside an arm, see experiments/cameras
-NEAR_M = 0.66
+WRIST_DEG, BASE_DEG = 90.0, 95.0  # of cameras beside an arm, see experiments/cameras
+NEAR_M = 0.62
 BRACKET_M = 0.12  # the base's camera looks past the arm from at least this far to its side
 
 
