@@ -43,8 +43,9 @@ def load(
         robot, task: registry names, see :func:`list_cells`.
         tier: disturbance tier, e.g. ``gusts``, ``hard-payload`` or ``calm+latency``; see ``docs/tiers.md``.
         action: action level, e.g. ``ee_pose``, ``velocity``, ``ctbr`` or ``rotor``.
-        cameras: images among the observations: ``"wrist"``, ``"scene"``, ``"base"``, or ``"wrist:depth"`` and the like.
-        image_size: (height, width) of those images.
+        cameras: images among the observations: ``"wrist"``, ``"scene"``, ``"base"``, ``"wrist:depth"`` and the like;
+            with a size, a rate and a delay of their own ``"wrist@64x64@25Hz@40ms"``.
+        image_size: (height, width) of images that say none.
         seed: seed of the first episode; each reset takes the next.
         controller: flight law: ``geometric_observer``, ``geometric``, ``pid`` or ``lqr``.
 

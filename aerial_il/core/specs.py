@@ -45,6 +45,8 @@ class Field:
         meaning: what it is, a clause. noise: how it differs from the truth, and when. real: a robot could measure it.
             onboard: of a task's field, that a robot knows it without looking, such as what it feels or is told. These
             five describe the field; two that differ in nothing else are alike.
+        every: control steps from one image to the next; it is shown until then. delay: control steps between an image
+            and its being shown.
     """
 
     name: str
@@ -58,6 +60,8 @@ class Field:
     noise: str = field(default="", compare=False)
     real: bool = field(default=True, compare=False)
     onboard: bool = field(default=False, compare=False)
+    every: int = 1
+    delay: int = 0
 
     @property
     def is_onboard(self) -> bool:
@@ -73,6 +77,11 @@ class Field:
         """Whether it is a colour image, (H, W, 3) uint8; depth is (H, W) float metres, segmentation (H, W) ids."""
         return self.group == "image" and self.dtype == "uint8" and self.shape[2:] == (3,)
 
+    @property
+    def is_depth(self) -> bool:
+        """Whether it is a depth image, (H, W) float metres."""
+        return self.group == "image" and self.dtype == "float32" and len(self.shape) == 2
+
     def element_labels(self) -> tuple[str, ...]:
         """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""
         labels = self.labels or tuple(str(i) for i in range(self.size))
@@ -87,6 +96,15 @@ def image_name(camera: str) -> str:
 def camera_name(image: str) -> str:
     """Return the camera whose colour image :func:`image_name` called so."""
     return image.removesuffix("_rgb")
+
+
+def camera_text(field: Field, dt_s: float) -> str:
+    """Write an image as ``cameras`` asks for it, e.g. ``wrist:depth@64x64@25Hz@40ms``; ``dt_s``: a control step."""
+    name = camera_name(field.name) if field.is_colour else ":".join(field.name.rsplit("_", 1))
+    height, width = field.shape[:2]
+    rate = f"@{1.0 / (field.every * dt_s):.4g}Hz" if field.every > 1 else ""
+    late = f"@{1000 * field.delay * dt_s:g}ms" if field.delay else ""
+    return f"{name}@{height}x{width}{rate}{late}"
 
 
 @dataclass(frozen=True)
@@ -245,6 +263,8 @@ class EnvSpec:
     def to_dict(self) -> dict[str, Any]:
         """Plain lists, numbers and strings, ready for JSON or YAML."""
         raw = _plain(self)
+        for each in raw["observation"]["fields"]:
+            _leave_out(each, every=1, delay=0)
         return raw if raw["options"] else {key: value for key, value in raw.items() if key != "options"}
 
     @staticmethod
@@ -283,7 +303,7 @@ class EnvSpec:
 
         Of a field of the observation that one of them lacks, only the shape is named.
         """
-        mine, theirs = _flat(self.to_dict()), _flat(other.to_dict())
+        mine, theirs = _flat(_plain(self)), _flat(_plain(other))
         others = sorted((mine.keys() | theirs.keys()) - set(FIRST_NAMED))
         lacked = set(self.observation.names) ^ set(other.observation.names)
         implied = tuple(f"observation.fields.{name}." for name in lacked)
@@ -308,6 +328,13 @@ def _plain(spec: Any) -> dict[str, Any]:
         return value
 
     return convert(asdict(spec))
+
+
+def _leave_out(raw: dict[str, Any], **defaults: Any) -> None:
+    """Take out of ``raw`` what has its default, as it was before there was such a key."""
+    for key, value in defaults.items():
+        if raw[key] == value:
+            del raw[key]
 
 
 def _flat(tree: Any, prefix: str = "") -> dict[str, Any]:

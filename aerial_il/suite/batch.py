@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
@@ -12,12 +13,14 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.seeding import seeds_of
 from aerial_il.core.specs import EnvSpec
+from aerial_il.suite.cameras import CameraRequest
 from aerial_il.suite.engine import ENGINE
 from aerial_il.suite.episode.assessment import Assessment
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.physics_model import physics_model
-from aerial_il.suite.rendering import CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import FrameRenderer
+from aerial_il.suite.rig import Rig
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import PHYSICS_DT_S
 
@@ -57,7 +60,7 @@ class BatchEnvironment:
         self.simulation = Simulation(scenario, worlds, num_threads, refinement=refinement)
         self._shown: mujoco.MjData | None = None  # made when somebody looks
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
-        self._images = {r.key: np.zeros((num_envs, *r.shape), r.dtype) for r in scenario.camera_requests}
+        self._rig = Rig(scenario.camera_requests, num_envs, self._shoot)
 
     def __repr__(self) -> str:
         return f"BatchEnvironment({self.scenario}, {self.num_envs} worlds)"
@@ -116,7 +119,8 @@ class BatchEnvironment:
         """
         first = int(self.seeds.max()) + 1
         self.simulation.reset(seeds_of(first if seeds is None else seeds, self.num_envs), mask)
-        return self._seen(mask)
+        self._rig.start(self._worlds(mask))
+        return self._seen()
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
         """Fly one control step of 20 ms; worlds outside ``mask`` (n,) bool stand still.
@@ -126,8 +130,9 @@ class BatchEnvironment:
         """
         executed = self.simulation.advance(actions, mask)
         assessment = self.simulation.assessment
+        self._rig.advance(self._worlds(mask), self.simulation.steps)
         return StepResult(
-            obs=self._seen(mask),
+            obs=self._seen(),
             reward=assessment.reward,
             terminated=assessment.crash | assessment.dropped,
             truncated=assessment.truncated,
@@ -135,18 +140,21 @@ class BatchEnvironment:
         )
 
     def observe(self) -> dict[str, np.ndarray]:
-        """Observations of all worlds as they stand, ``name -> (n, ...)``."""
-        self.simulation.assess()
-        return self._seen(None)
+        """Observations of all worlds as they stand, ``name -> (n, ...)``; images too, whatever their rate and delay."""
+        return {**self.simulation.observe(), **self._rig.anew()}
 
     def get_state(self) -> np.ndarray:
         """(n, S) copies of the full states: physics, controllers, gusts, timers."""
         return self.simulation.worlds.get_state()
 
     def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> dict[str, np.ndarray]:
-        """Continue from states (n, S) that :meth:`get_state` returned; return the observations."""
+        """Continue from states (n, S) that :meth:`get_state` returned; return the observations.
+
+        No image is part of a state: cameras take one at once, whenever the next is due.
+        """
         self.simulation.set_state(states, mask)
-        return self._seen(mask)
+        self._rig.start(self._worlds(mask))
+        return self._seen()
 
     def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Let the bases gain velocities at once, between two steps, as a blow does; the state holds all of it.
@@ -169,25 +177,28 @@ class BatchEnvironment:
         before = int(STATE) & (int(mujoco.mjtState.mjSTATE_QVEL) - 1)
         return mujoco.mj_stateSize(self.model, before)
 
-    def _seen(self, mask: np.ndarray | None) -> dict[str, np.ndarray]:
-        """Observations of all worlds, of which those of ``mask`` (n,) have moved: none but these are rendered anew."""
-        if not (requests := self.scenario.camera_requests):
-            return self.simulation.observations
-        for i in range(self.num_envs) if mask is None else np.flatnonzero(mask):
-            for request in requests:
-                self._images[request.key][i] = self.shoot(int(i), request)
-        return {**self.simulation.observations, **{key: images.copy() for key, images in self._images.items()}}
+    def _seen(self) -> dict[str, np.ndarray]:
+        """Observations of all worlds as of the last flight, with the images that they show."""
+        return {**self.simulation.observations, **self._rig.shown(self.simulation.steps)}
+
+    def _worlds(self, mask: np.ndarray | None) -> Iterable[int]:
+        """Numbers of the worlds in ``mask``."""
+        return range(self.num_envs) if mask is None else np.flatnonzero(mask).tolist()
 
     def render(
         self, world: int = 0, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb"
     ) -> np.ndarray:
         """Image of one world: (H, W, 3) uint8 colour, (H, W) float32 depth in m, or (H, W) int32 geom ids."""
-        return self.shoot(world, self.scenario.camera(camera, modality, (height, width)))
+        (image,) = self._shoot(world, [self.scenario.camera(camera, modality, (height, width))])
+        return image
 
-    def shoot(self, world: int, request: CameraRequest) -> np.ndarray:
-        """Render one request of one world."""
-        renderer = self._renderers.setdefault(request.size, FrameRenderer(self.model, *request.size))
-        return renderer.shoot(self.data(world), request, self.simulation.camera_offset(world, request.camera))
+    def _shoot(self, world: int, requests: Sequence[CameraRequest]) -> list[np.ndarray]:
+        """Render images of one world."""
+        data, sight, images = self.data(world), self.simulation.sight(world), []
+        for request in requests:
+            renderer = self._renderers.setdefault(request.size, FrameRenderer(self.model, *request.size))
+            images.append(renderer.shoot(data, request, sight))
+        return images
 
     def data(self, world: int) -> mujoco.MjData:
         """One world as an ``MjData`` of :attr:`model`, with all that eyes see; overwritten by the next call."""

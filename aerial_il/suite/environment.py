@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
+from collections.abc import Sequence
 
 import dm_env
 import numpy as np
@@ -12,10 +13,12 @@ from dm_env import specs
 
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite.batch import info_of
+from aerial_il.suite.cameras import CameraRequest
 from aerial_il.suite.episode.assessment import CRASH, DROPPED, REWARD
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.physics_batch import Physics, PhysicsBatch
-from aerial_il.suite.rendering import CameraRequest, FrameRenderer
+from aerial_il.suite.rendering import FrameRenderer
+from aerial_il.suite.rig import Rig
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import SUBSTEPS
 
@@ -24,13 +27,15 @@ class SuiteTask(control.Task):
     """dm_control's view of a scenario: it hands every question to the :class:`Simulation` that the batch uses too.
 
     Args:
-        simulation: the scenario's logic for one world. first_seed: seed of the first episode; a reset takes the next.
+        simulation: the scenario's logic for one world, ``physics``. first_seed: of the first episode; a reset takes the
+            next.
     """
 
-    def __init__(self, simulation: Simulation, first_seed: int) -> None:
-        self.simulation, self.next_seed = simulation, first_seed
+    def __init__(self, simulation: Simulation, physics: Physics, first_seed: int) -> None:
+        self.simulation, self.next_seed, self._physics = simulation, first_seed, physics
         self.executed: np.ndarray | None = None
         self._renderers: dict[tuple[int, int], FrameRenderer] = {}
+        self._rig, self._started = Rig(simulation.scenario.camera_requests, 1, self._shoot), False
 
     def __repr__(self) -> str:
         return f"SuiteTask({self.simulation.scenario})"
@@ -38,7 +43,7 @@ class SuiteTask(control.Task):
     def initialize_episode(self, physics: Physics) -> None:
         self.simulation.reset(np.array([self.next_seed]))
         self.next_seed += 1
-        self.executed = None
+        self.executed, self._started = None, False
 
     def before_step(self, action: np.ndarray, physics: Physics) -> None:
         self.executed = self.simulation.receive(np.asarray(action)[None])
@@ -55,14 +60,27 @@ class SuiteTask(control.Task):
         return OrderedDict((f.name, specs.Array(f.shape, np.dtype(f.dtype), name=f.name)) for f in fields)
 
     def get_observation(self, physics: Physics) -> OrderedDict[str, np.ndarray]:
-        obs, scenario = OrderedDict(self.simulation.observation(0)), self.simulation.scenario
-        obs.update((r.key, self.shoot(physics, r)) for r in scenario.camera_requests)
+        obs, steps = OrderedDict(self.simulation.observation(0)), self.simulation.steps
+        if self._started:
+            self._rig.advance([0], steps)
+        else:
+            self.start_cameras()
+        obs.update((name, images[0]) for name, images in self._rig.shown(steps).items())
         return obs
 
-    def shoot(self, physics: Physics, request: CameraRequest) -> np.ndarray:
+    def start_cameras(self) -> None:
+        """Take the first images of an episode, or of the rest of one that is continued from a state."""
+        self._rig.start([0])
+        self._started = True
+
+    def shoot(self, request: CameraRequest) -> np.ndarray:
         """Render one image of the world."""
+        physics = self._physics
         renderer = self._renderers.setdefault(request.size, FrameRenderer(physics.model.ptr, *request.size))
-        return renderer.shoot(physics.data.ptr, request, self.simulation.camera_offset(0, request.camera))
+        return renderer.shoot(physics.data.ptr, request, self.simulation.sight(0))
+
+    def _shoot(self, _: int, requests: Sequence[CameraRequest]) -> list[np.ndarray]:
+        return [self.shoot(request) for request in requests]
 
     def close(self) -> None:
         """Free graphics contexts."""
@@ -92,7 +110,7 @@ class AerialEnvironment(control.Environment):
         physics = Physics.from_model(MjModel(scenario.compile()))
         self.simulation = Simulation(scenario, PhysicsBatch.of(physics))
         physics.fly = self.simulation.fly
-        self._suite_task = SuiteTask(self.simulation, seed)
+        self._suite_task = SuiteTask(self.simulation, physics, seed)
         super().__init__(physics, self._suite_task, time_limit=scenario.task.time_limit_s, n_sub_steps=SUBSTEPS)
 
     def __repr__(self) -> str:
@@ -136,11 +154,12 @@ class AerialEnvironment(control.Environment):
     def set_state(self, states: np.ndarray) -> None:
         """Continue from a state (1, S) that :meth:`get_state` returned, here or in a batch."""
         self.simulation.set_state(states)
+        self._suite_task.start_cameras()
         self._step_count, self._reset_next_step = int(self.simulation.steps[0]), False
 
     def render(self, camera: str = "scene", height: int = 240, width: int = 320, modality: str = "rgb") -> np.ndarray:
         """Image (H, W, 3) uint8, depth (H, W) float32 in m, or geom ids (H, W) int32."""
-        return self._suite_task.shoot(self.physics, self.scenario.camera(camera, modality, (height, width)))
+        return self._suite_task.shoot(self.scenario.camera(camera, modality, (height, width)))
 
     def close(self) -> None:
         """Free graphics contexts."""

@@ -14,14 +14,14 @@ from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
-from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
+from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks, tiers
+from aerial_il.suite.cameras import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.physics.episode_state import sight_size
 from aerial_il.suite.physics.physics_batch import STATE
 from aerial_il.suite.physics.rotors import rotor_wrenches
-from aerial_il.suite.rendering import SCENE, CameraRequest, parse_cameras
 from aerial_il.suite.scene import build_xml
 from aerial_il.suite.sensors import robot_fields
 from aerial_il.suite.tasks.task import Task
@@ -34,7 +34,8 @@ class Scenario:
     """A cell with a tier, an action level, a flight law and cameras: everything that defines an environment.
 
     Attributes:
-        image_size: height and width of images, pixels, of cameras whose robot does not say theirs.
+        cameras: images among the observations, see :func:`parse_cameras`.
+        image_size: height and width of images, pixels, where neither ``cameras`` nor the robot says another.
         horizon: episodes of so many steps of 20 ms, which success does not end; None for the task's time limit, and
             an end at success.
 
@@ -92,8 +93,13 @@ class Scenario:
         """Names of all cameras: the scene's, then the robot's."""
         return (SCENE, *(camera.name for camera in self.robot.mounted_cameras))
 
-    def camera(self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None) -> CameraRequest:
+    def camera(
+        self, name: str, modality: str = "rgb", size: tuple[int, int] | None = None, **timing: int
+    ) -> CameraRequest:
         """Return a request of one camera's image, of ``size`` (height, width) pixels, its own or ``image_size``.
+
+        Args:
+            timing: ``every`` and ``delay`` of :class:`CameraRequest`.
 
         Raises:
             UnknownNameError: no such camera or modality.
@@ -101,7 +107,7 @@ class Scenario:
         if name not in self.camera_names:
             raise UnknownNameError("camera", name, self.camera_names)
         own = {camera.name: camera.size for camera in self.robot.mounted_cameras}
-        return CameraRequest(name, modality, size or own.get(name) or self.image_size)
+        return CameraRequest(name, modality, size or own.get(name) or self.image_size, **timing)
 
     @property
     def tier(self) -> Tier:
@@ -127,20 +133,17 @@ class Scenario:
     @cached_property
     def rotors(self) -> np.ndarray:
         """(R, 6) force and torque about the base origin of each rotor per newton of thrust, base frame; as built."""
-        return rotor_wrenches(self._compiled)
+        return rotor_wrenches(self.model)
 
     @cached_property
-    def _compiled(self) -> mujoco.MjModel:
-        """A model to look things up in."""
+    def model(self) -> mujoco.MjModel:
+        """The compiled scene, to look things up in."""
         return self.compile()
 
     @cached_property
     def spec(self) -> EnvSpec:
         """Specification of observations and actions."""
-        images = tuple(
-            Field(c.key, c.shape, "image", dtype=c.dtype, frame=f"camera {c.camera}", meaning=c.meaning)
-            for c in self.camera_requests
-        )
+        images = (request.field for request in self.camera_requests)
         state = (*robot_fields(self.robot), *self.task.fields())
         return EnvSpec(
             robot=self.robot_name,
@@ -152,7 +155,7 @@ class Scenario:
             max_steps=self.horizon or limit_of(self.task),
             instruction=self.task.instruction,
             subtasks=self.task.subtasks,
-            state_size=mujoco.mj_stateSize(self._compiled, STATE),
+            state_size=mujoco.mj_stateSize(self.model, STATE),
             disturbances=self.disturbances,
             controller=self.controller,
         )

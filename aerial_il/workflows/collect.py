@@ -53,8 +53,8 @@ class Collect:
         action: action level that is recorded.
         episodes: number of episodes, one for each seed.
         seed: first seed; evaluations start at 10000.
-        cameras: cameras to record: scene, wrist, base.
-        image_size: height and width of their images.
+        cameras: cameras to record: scene, wrist, base; with a size, rate and delay of its own wrist@64x64@25Hz@40ms.
+        image_size: height and width of images that say none.
         mix: add to a dataset of another tier, flight law, pilot or settings.
         lerobot: derive a LeRobot dataset too, in derived/lerobot of the folder.
         num_envs: worlds flown at once.

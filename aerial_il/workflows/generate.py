@@ -40,8 +40,8 @@ class Generate:
         disturbed: m, how far aside flights are led in their first second at most; what is learned from is the way back.
         force: a flight is a failure whose tool presses with more than so many times what the sources' does (null: none
             is); of both, the 95th percentile while it touches anything.
-        cameras: cameras to record: scene, wrist, base.
-        image_size: height and width of their images.
+        cameras: cameras to record: scene, wrist, base; with a size, rate and delay of its own wrist@64x64@25Hz@40ms.
+        image_size: height and width of images that say none.
         mix: add to a dataset of another tier, flight law, pilot or settings.
         num_envs: worlds flown at once.
         threads: simulation threads; 0 for all cores.
@@ -110,8 +110,9 @@ def generate(settings: Generate) -> str:
     longest = LONGEST * max(map(len, sources)) + SPARE_STEPS
     with closing(where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)) as env:
         _look_ahead(env, policy, settings)
-        if WRIST in settings.cameras:
-            _look_through(env, sources, settings)
+        for request in env.scenario.camera_requests:
+            if request.camera == WRIST:
+                _look_through(env, sources, request.size)
         done = collect(
             env, policy, range(settings.seed, settings.seed + settings.episodes), settings.out,
             policy_name=POLICY, settings=_made_of(settings, sources), longest=min(longest, env.spec.max_steps),
@@ -142,11 +143,11 @@ def _look_ahead(env: BatchEnvironment, policy: Generator, settings: Generate) ->
     log.warning("%s They are flown all the same, and kept as failures if they fail.", share)
 
 
-def _look_through(env: BatchEnvironment, sources: list[Source], settings: Generate) -> None:
+def _look_through(env: BatchEnvironment, sources: list[Source], size: tuple[int, int]) -> None:
     """Say how much of what is dealt with the camera beside the tool will see."""
     from aerial_il.generation.sight import in_view
 
-    height, width = settings.image_size
+    height, width = size
     shares = in_view(env.model, WRIST, width / height, sources)
     told = ", ".join(f"{name} in {100 * share:.0f} %" for name, share in shares.items())
     log.info("In view of the camera %s: %s of the steps about it.", WRIST, told)

@@ -143,7 +143,7 @@ def _check_noticed(settings: Evaluate, conditions: list[Condition]) -> None:
         tier = tiers.get(condition.tier)
         for name in (part for part in tier.parts if f"+{part}" in tier.name):  # those that were added
             reason = tier.parts[name].unfelt(robot)
-            if name == "camera_shift" and not pilot.reference.cameras:
+            if tier.parts[name].seen_alone and not pilot.reference.cameras:
                 reason = f"{settings.policy} looks through no camera"
             if reason:
                 raise InvalidValueError(f"conditions={condition.label} would change nothing: {reason}. Leave it out.")

@@ -23,7 +23,7 @@ class Simulate:
         controller: control law of the base.
         latency: how late it shows and takes things.
         action: level of the actions in its description; it takes set points at others too.
-        cameras: images that it shows: scene, wrist, base.
+        cameras: images that it shows: scene, wrist, base; with a size, rate and delay of its own wrist@64x64@25Hz@40ms.
         image_size: height and width of images of cameras that have no size of their own.
         seed: of the scene that it begins with.
     """

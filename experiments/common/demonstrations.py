@@ -26,7 +26,7 @@ class Source:
 
     Attributes:
         robot, task, tier: what is flown. noise: of the expert. draw: which of several independent draws.
-        cameras, image_size: what is recorded beside the state.
+        cameras, image_size: what is recorded beside the state, e.g. ``wrist`` or ``wrist@96x96@25Hz@40ms``.
     """
 
     robot: str

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,6 +26,7 @@ import aerial_il
 from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.core.rendering import can_render
 from aerial_il.evaluation.rollouts import rollouts
 from aerial_il.suite.batch import BatchEnvironment
 from experiments.common.figures import time_shares
@@ -39,11 +41,13 @@ RAW_RATIO, RAW_RATIO_MANIPULATION = 0.70, 0.85
 GYMNASIUM_RATIO, SB3_RATIO = 3.5, 4.0
 DEMONSTRATIONS_PER_MINUTE, RESETS_PERCENT, RECORDING_PERCENT = 3000, 3.0, 15.0
 SERIAL_WORLDS, SERIAL_US, FIRST_FLIGHT_S = 2048, 1.0, 3.0
+CAMERAS, IMAGE_WORLDS, IMAGE_STEPS = ("wrist@64x64", "base@64x64"), 8, 20
 SECTIONS = ("flight", "python")
 SPEED = "Speed"
 PARTS, SERIAL = "Time of a control step", f"Time of a control step of {SERIAL_WORLDS} worlds"
 DEMONSTRATIONS = "Demonstrations per minute"
-TITLES = (SPEED, PARTS, SERIAL, DEMONSTRATIONS)
+IMAGES = "Images"
+TITLES = (SPEED, PARTS, SERIAL, IMAGES, DEMONSTRATIONS)
 FIRST = """
 import sys, time
 started = time.perf_counter()
@@ -68,6 +72,8 @@ NOTES = (
     "actions, in pick_place; each of their processes steps one world.",
     "Ratios are medians over repetitions, with the smallest and largest; above 1 the batch environment is faster.",
     "Time of a control step: flight is what the compiled threads do; python is the rest, done by one thread.",
+    f"Images: {' and '.join(CAMERAS)} of {IMAGE_WORLDS} worlds in every control step, by what steps without them take "
+    "less; processor time.",
     "Demonstrations: the expert from reset to success, flown without recording, and recorded as MCAP files; recording: "
     "the share of collecting that flying does not explain.",
     "First flight: a fresh process from the import to the end of its first control step, kernels compiled before.",
@@ -144,6 +150,7 @@ class Speed:
         }
         if task == MANIPULATION:
             tables[SERIAL] = [self._serial(robot, task)]
+            tables[IMAGES] = [time_of_images(robot, task, self.seed)] if can_render() else []
         return {title: [{**head, **row} for row in rows] for title, rows in tables.items()}
 
     def _report(self, found: Sequence[Timed], first: Row, record: Record) -> Report:
@@ -261,6 +268,23 @@ def time_of_a_step(env: BatchEnvironment, work: Workload) -> Row:
         del env.simulation.fly
     flight, total = (1e6 * clock.seconds[name] / work.world_steps for name in ("flight", "total"))
     return {"flight_us": round(flight, 2), "python_us": round(total - flight, 2), "total_us": round(total, 2)}
+
+
+def time_of_images(robot: str, task: str, seed: int) -> Row:
+    """Return the share of a control step that two cameras take, and their images per second."""
+    taken = []
+    for cameras in ((), CAMERAS):
+        with closing(aerial_il.load_batch(robot, task, num_envs=IMAGE_WORLDS, num_threads=1, cameras=cameras)) as env:
+            work = record(env, seed + np.arange(IMAGE_WORLDS), IMAGE_STEPS)
+            env.set_state(work.start)
+            started = time.process_time()
+            fly_again(env, work)
+            taken.append(time.process_time() - started)
+    without, seeing = taken
+    return {
+        "images_per_s": round(work.world_steps * len(CAMERAS) / (seeing - without)),
+        "images_percent": round(100 * (1 - without / seeing), 1),
+    }
 
 
 def _compared(rates: dict[str, np.ndarray]) -> Row:

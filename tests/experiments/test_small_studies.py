@@ -52,6 +52,13 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "demos": 2,
         "episodes": 2,
     },
+    "cameras": lambda: {
+        "robots": ("ua_quad_arm4",),
+        "tasks": ("reach",),
+        "fov": (60.0, 90.0),
+        "episodes": 2,
+        "threads": 1,
+    },
     "links": lambda: {
         "policy": MLP(hidden=(8,)),
         "cloning": CLONING,

@@ -19,7 +19,7 @@ from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
-from aerial_il.policies.parts.vision import build_network, middle_part, random_part
+from aerial_il.policies.parts.vision import FAR_M, build_network, middle_part, random_part
 from tests.algorithms.point_mass import SPEC
 from tests.policies.test_registry import NAMES
 
@@ -37,9 +37,9 @@ SEEN = seeing(SPEC, "wrist_rgb", "base_rgb")
 EYES = {"history": 2, "chunk": 5, "images": ("wrist_rgb", "base_rgb"), "image_features": 8, "obs_names": ("ee_pos",)}
 
 
-def fresh_policy(name: str = "mlp", **settings: object) -> ChunkPolicy:
+def fresh_policy(name: str = "mlp", spec: EnvSpec = SEEN, **settings: object) -> ChunkPolicy:
     config = policies.get(name)(**{**EYES, **settings})
-    layout = Layout.of(SEEN, config)
+    layout = Layout.of(spec, config)
     data = np.random.default_rng(0)
     scalers = (Normaliser.fit(data.normal(size=(99, size))) for size in (layout.size, SEEN.action.size))
     interface = Interface(layout, *scalers, config.obs_clip, Switches.none(SEEN.action.size))
@@ -134,8 +134,29 @@ def test_other_cameras_and_sizes_are_refused_and_both_are_named() -> None:
         policy.act(obs)
 
 
+def test_depth_is_seen_in_metres_up_to_a_limit(tmp_path: Path) -> None:
+    depth = Field("wrist_depth", (SIDE, SIDE), "image", dtype="float32")
+    spec = replace(SEEN, observation=ObservationSpec((*SEEN.observation.fields, depth)))
+    policy = fresh_policy(spec=spec, images=("wrist_rgb", "wrist_depth"))
+    obs, metres = look(2, np.random.default_rng(0)), np.random.default_rng(1).uniform(0.1, 1.9, (2, SIDE, SIDE))
+
+    def acted(values: np.ndarray, flown: ChunkPolicy = policy) -> np.ndarray:
+        flown.reset()
+        return flown.act({**obs, "wrist_depth": values.astype(np.float32)})
+
+    near, beyond = acted(metres), metres.copy()
+    assert (near != acted(0.9 * metres)).any()
+    beyond[:, 0] = FAR_M
+    at_limit = acted(beyond)
+    beyond[:, 0] = 40.0
+    np.testing.assert_array_equal(acted(beyond), at_limit)
+    np.testing.assert_array_equal(acted(metres, load_policy(policy.save(tmp_path / "policy"))), near)
+    with pytest.raises(InvalidValueError, match="wrist_depth 20 x 20; the environment shows"):
+        policy.check(SEEN)
+
+
 def test_images_without_colour_or_not_recorded_are_refused() -> None:
-    with pytest.raises(UnknownNameError, match=r"Unknown colour image 'wrist_depth'.*Record it"):
+    with pytest.raises(UnknownNameError, match=r"Unknown colour or depth image 'wrist_depth'.*Record it"):
         Layout.of(SEEN, MLP(images=("wrist_depth",)))
     with pytest.raises(InvalidValueError, match=r"is an image\. Name it in images"):
         Layout.of(SEEN, MLP(obs_names=("ee_pos", "wrist_rgb")))

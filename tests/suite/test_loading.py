@@ -65,11 +65,12 @@ def test_a_name_says_a_strength_in_all_its_digits(strength: str) -> None:
     ("component", "strength", "another"),
     [
         ("wind", 2, 1.6), ("noise", 2, 1.6), ("estimation", 2, 1.6), ("payload", 0.3, 0.2), ("latency", 3, 1),
-        ("motors", 0.85, 0.7), ("camera_shift", 0.05, 0.1),
+        ("motors", 0.85, 0.7), ("camera_shift", 0.05, 0.1), ("camera_tilt", 5, 10), ("lens", 2, 3), ("looks", 2, 1.5),
     ],
 )  # fmt: skip
 def test_a_strength_is_flown_and_recorded(component: str, strength: float, another: float) -> None:
-    looks = {"cameras": ("wrist",), "image_size": (24, 32)} if component == "camera_shift" else {}
+    seen = tiers.standard(component).seen_alone
+    looks = {"cameras": ("wrist",), "image_size": (24, 32)} if seen else {}
     flown = []
     for tier in ("calm", f"calm+{component}:{strength:g}", f"calm+{component}:{another:g}"):
         env = aerial_il.load_batch("ua_quad_arm4", "pick_place", num_envs=2, tier=tier, **looks)

@@ -130,7 +130,7 @@ def test_a_policy_flies_through_the_cameras_it_learned_from(tmp_path: Path) -> N
     assert main(["collect", *CELL, *pictures, f"out={data}"]) == 0
     assert main(["train", f"dataset={data}", *SEES, *SHORT, f"run={folder}"]) == 0
     flown = pilot(str(folder), robot=None, task=None, action=None)
-    assert (flown.reference.cameras, flown.reference.image_size) == (("wrist", "base"), (20, 24))
+    assert flown.reference.cameras == ("wrist@20x24", "base@20x24")
     env = flown.environment("calm", num_envs=2, threads=1)
     try:
         flown.policy.attach(env)

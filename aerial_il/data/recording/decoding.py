@@ -60,25 +60,34 @@ def check_shown(report: Report, topic: FixedTopic, records: np.ndarray, times: n
 
 
 def read_images(report: Report, camera: Camera, contents: Contents, times: np.ndarray) -> list[bytes]:
-    """Return the compressed images of one camera, one for each of ``times``."""
-    messages = contents.messages.get(camera.channel, Stream())
-    if len(messages) != len(times):
-        report.fail(
-            "has another number of images than observations.", camera.name, expected=len(times), got=len(messages)
-        )
+    """Return the compressed images of one camera, one for each of ``times``: what it holds was written once."""
+    messages, reached = contents.messages.get(camera.channel, Stream()), images_of(camera, contents)
+    if reached != len(times):
+        report.fail("has another number of images than observations.", camera.name, expected=len(times), got=reached)
     dtype = np.dtype([*RECORD_HEAD, ("body", camera.template.dtype)])
-    found = []
-    for i, (message, time) in enumerate(zip(messages, times.tolist(), strict=True)):
+    found: list[bytes] = []
+    for message in messages:
+        i = len(found)
         if len(message) < dtype.itemsize:
             report.fail("has a message that is too short.", camera.name, step=i)
         record = np.frombuffer(message[: dtype.itemsize], dtype)[0]
-        if (int(record["sequence"]), int(record["log_time"])) != (i, time):
-            got = (int(record["sequence"]), int(record["log_time"]))
-            report.fail("is out of order.", camera.name, step=i, expected=(i, time), got=got)
+        got = int(record["sequence"]), int(record["log_time"])
+        held = got[0] - i if camera.holds and found and i < got[0] < len(times) else 0
+        if i >= len(times) or got != (i + held, int(times[i + held])):
+            expected = (i, int(times[min(i, len(times) - 1)]))
+            report.fail("is out of order.", camera.name, step=i, expected=expected, got=got)
         if int(record["body"]["size"]) != len(message) - dtype.itemsize:
             report.fail("has a message of another size.", camera.name, step=i)
-        found.append(message[dtype.itemsize :].tobytes())
+        found += [*found[-1:] * held, message[dtype.itemsize :].tobytes()]
     return found
+
+
+def images_of(camera: Camera, contents: Contents) -> int:
+    """Return for how many steps, from the first on, a file holds images of a camera."""
+    messages = contents.messages.get(camera.channel, Stream())
+    if not camera.holds or not len(messages):
+        return len(messages)
+    return int(messages.last[:RECORD_HEAD_SIZE].view(np.dtype(RECORD_HEAD))[0]["sequence"]) + 1
 
 
 def _check_stamps(report: Report, topic: FixedTopic, records: np.ndarray, steps: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from itertools import count
 import numpy as np
 
 from aerial_il.core.errors import SimulationDivergedError
-from aerial_il.data.recording.decoding import Messages, check_shown, read_images, read_records
+from aerial_il.data.recording.decoding import Messages, check_shown, images_of, read_images, read_records
 from aerial_il.data.recording.encoding import columns, messages
 from aerial_il.data.recording.encoding.packing import Packer, first_not_finite
 from aerial_il.data.recording.encoding.topics import Block, Topic, definitions_of, nanoseconds, packer_of, place_of
@@ -102,12 +102,10 @@ class Form:
     def read_whole_steps(self, report: Report, contents: Contents) -> Messages:
         """Decode and check as many steps as have all their messages, of an episode that may lack its end."""
         rows, _ = self._rows(report, contents)
-        count = min([len(rows), *(len(contents.messages[c.channel]) for c in self.cameras)])
-        for camera in self.cameras:
-            contents.messages[camera.channel] = contents.messages[camera.channel].first(count)
-        rows = rows[:count]
-        times = nanoseconds(rows["sim_time"])
-        return Messages(rows, {c.field: read_images(report, c, contents, times) for c in self.cameras}, {})
+        times, reached = nanoseconds(rows["sim_time"]), {c.field: images_of(c, contents) for c in self.cameras}
+        count = min([len(rows), *reached.values()])
+        images = {c.field: read_images(report, c, contents, times[: reached[c.field]]) for c in self.cameras}
+        return Messages(rows[:count], {name: found[:count] for name, found in images.items()}, {})
 
     @cached_property
     def _packer(self) -> Packer:

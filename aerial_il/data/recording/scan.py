@@ -56,6 +56,11 @@ class Stream:
         """Yield each record (size,)."""
         return (record for piece in self._pieces for record in piece)
 
+    @property
+    def last(self) -> np.ndarray:
+        """The last record (size,), of those that are there."""
+        return self._pieces[-1][-1]
+
     def first(self, count: int) -> Stream:
         """Return the stream of the first ``count`` records."""
         found = Stream()

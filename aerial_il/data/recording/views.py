@@ -53,7 +53,10 @@ class Views:
 
     def cameras(self, channels: Iterator[int]) -> list[Camera]:
         """Return the topics of images."""
-        return [Camera(next(channels), f.name, f.shape, f.dtype) for f in self.spec.observation.of_group("image")]
+        return [
+            Camera(next(channels), f.name, f.shape, f.dtype, f.every > 1)
+            for f in self.spec.observation.of_group("image")
+        ]
 
     def quats(self, flat: np.ndarray) -> dict[str, np.ndarray]:
         """Return the unit quaternion ``quat_<body>`` (k, 4), x y z w, of every body, from flat observations (k, Do)."""

@@ -198,14 +198,24 @@ class EpisodeWriter:
             self._container.chunk(part, [topic.channel for topic in topics], times, offsets)
 
     def _put_images(self, times: np.ndarray, first: int, images: Images) -> None:
-        records, cameras = [], self._form.cameras
+        together = [camera for camera in self._form.cameras if not camera.holds]
+        if together:
+            self._put_chosen(together, range(len(times)), times, first, images)
+        for camera in self._form.cameras:
+            if camera.holds:
+                self._put_chosen([camera], _new_ones(images[camera.field]), times, first, images)
+
+    def _put_chosen(
+        self, cameras: Sequence[Camera], chosen: Sequence[int], times: np.ndarray, first: int, images: Images
+    ) -> None:
+        records: list[bytes] = []
         for camera in cameras:
-            pairs = zip(times.tolist(), images[camera.field], strict=True)
-            mine = [image_record(camera, first + i, time, data) for i, (time, data) in enumerate(pairs)]
+            mine = [image_record(camera, first + i, int(times[i]), images[camera.field][i]) for i in chosen]
             self._digest.update(camera.name, b"".join(mine))
             records += mine
         offsets = np.cumsum([0, *map(len, records[:-1])]).reshape(len(cameras), -1)
-        self._container.chunk(b"".join(records), [c.channel for c in cameras], times, offsets, compress=False)
+        channels = [camera.channel for camera in cameras]
+        self._container.chunk(b"".join(records), channels, times[chosen], offsets, compress=False)
 
 
 def write_episode(episode: Episode, path: Path) -> Path:
@@ -242,6 +252,12 @@ def _block(episode: Episode) -> dict[str, np.ndarray]:
         "truncated": episode.truncated,
         **episode.extras,
     }
+
+
+def _new_ones(images: Sequence[bytes]) -> list[int]:
+    """Return which images differ from the one before, and the last one, which says how far they reach."""
+    last = len(images) - 1
+    return [i for i in range(len(images)) if i in (0, last) or images[i] != images[i - 1]]
 
 
 def part_of(path: str | os.PathLike[str]) -> Path:

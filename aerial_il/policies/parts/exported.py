@@ -177,7 +177,7 @@ def _require_fitting(policy: OnnxPolicy, noise_size: int) -> None:
     for name, shape in {STATE: (*frames, layout.size), **shapes}.items():
         _count(name, math.prod(shape), least=0)
     state, noise = np.zeros((*frames, layout.size), np.float32), np.zeros((1, noise_size), np.float32)
-    images = {name: np.zeros(shape, np.uint8) for name, shape in shapes.items()}
+    images = {n: np.zeros(shapes[n], dtype) for n, dtype in zip(layout.images, layout.image_dtypes, strict=True)}
     answered, wanted = policy.answer(state, images, noise).shape, (1, policy.config.chunk, size)
     if answered != wanted:
         raise ValueError(f"{GRAPH} answers {answered}, not {wanted}")

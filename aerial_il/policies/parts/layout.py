@@ -12,7 +12,7 @@ import numpy as np
 
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
-from aerial_il.core.specs import EnvSpec, Field
+from aerial_il.core.specs import EnvSpec, Field, camera_text
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.relative import POSE, into_tool, into_world, rotations, turned
 from aerial_il.policies.parts.switches import Switches
@@ -35,7 +35,7 @@ class Layout:
         spec: the environment that the demonstrations came from.
         names: observation fields, in the order of the columns.
         anchor: the position field that other positions are relative to, or None.
-        images: colour images that the network sees beside the columns.
+        images: colour and depth images that the network sees beside the columns.
         relative: whether vectors are seen, and actions are poses, in the end effector's own frame.
         unseen: fields that others are counted from, which the network itself sees as zeros: not seeing where it is, it
             does alike everywhere.
@@ -54,11 +54,11 @@ class Layout:
                 choices = ", ".join(self.spec.observation.state_names)
                 hint = f"Name it in images=[...]; among the columns it can see {choices}."
                 raise InvalidValueError(f"Observation {name!r} is an image. {hint}")
-        recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour)
+        recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour or f.is_depth)
         for name in self.images:
             if name not in recorded:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
-                raise UnknownNameError("colour image", name, recorded, hint)
+                raise UnknownNameError("colour or depth image", name, recorded, hint)
         if not {*self.names} - {*self.unseen} and not self.images:
             raise InvalidValueError("The policy sees neither a state field nor an image. Name some in images.")
         if self.anchor is not None and self.anchor not in self._positions:
@@ -90,8 +90,13 @@ class Layout:
 
     @property
     def image_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes (H, W, 3) of the images, in their order."""
+        """Shapes (H, W, 3), or (H, W) of depth, of the images, in their order."""
         return tuple(self.spec.observation[name].shape for name in self.images)
+
+    @property
+    def image_dtypes(self) -> tuple[str, ...]:
+        """``uint8`` of colour, ``float32`` of depth, m, in their order."""
+        return tuple(self.spec.observation[name].dtype for name in self.images)
 
     @property
     def anchored(self) -> int:
@@ -121,7 +126,10 @@ class Layout:
         return frames
 
     def look(self, obs: Observation) -> dict[str, np.ndarray]:
-        """Return the images (n, H, W, 3) uint8 that the network sees by name, of observations ``name -> (n, ...)``.
+        """Return the images (n, H, W, 3) uint8, or (n, H, W) float32 m, that the network sees, by name.
+
+        Args:
+            obs: observations ``name -> (n, ...)``.
 
         Raises:
             UnknownNameError: one is missing. InvalidValueError: one has another size.
@@ -137,8 +145,8 @@ class Layout:
 
     @property
     def cameras(self) -> str:
-        """The images and their sizes in words."""
-        return _in_words(zip(self.images, self.image_shapes, strict=True))
+        """The images, their sizes and when they are taken, in words."""
+        return _in_words(self.spec.observation[name] for name in self.images)
 
     def relate(self, frames: np.ndarray) -> np.ndarray:
         """Return frames (..., Do) as the network sees them.
@@ -282,18 +290,28 @@ def _has_axes(field: Field) -> bool:
 
 
 def check_cameras(layout: Layout, spec: EnvSpec) -> None:
-    """Raise :class:`InvalidValueError`, naming both, unless ``spec`` shows the images of ``layout`` in their sizes."""
-    shown = {f.name: f.shape for f in spec.observation.of_group("image")}
-    wanted = dict(zip(layout.images, layout.image_shapes, strict=True))
-    if any(shown.get(name) != shape for name, shape in wanted.items()):
+    """Raise :class:`InvalidValueError`, naming both, unless ``spec`` shows the images of ``layout`` as it has them."""
+    shown = spec.observation.of_group("image")
+    wanted = [layout.spec.observation[name] for name in layout.images]
+    if {_taken(field) for field in wanted} - {_taken(field) for field in shown}:
+        asked = ",".join(camera_text(field, layout.spec.control_dt_s) for field in wanted)
         raise InvalidValueError(
-            f"The policy sees {layout.cameras}; the environment shows {_in_words(shown.items())}. "
-            "Load it with the policy's cameras=... and image_size=...."
+            f"The policy sees {layout.cameras}; the environment shows {_in_words(shown)}. "
+            f"Load it with cameras=[{asked}]."
         )
 
 
-def _in_words(images: Iterable[tuple[str, tuple[int, ...]]]) -> str:
-    return ", ".join(f"{name} {_size(shape)}" for name, shape in images) or "no images"
+def _taken(field: Field) -> tuple[object, ...]:
+    return field.name, field.shape, field.every, field.delay
+
+
+def _in_words(images: Iterable[Field]) -> str:
+    return ", ".join(f"{field.name} {_size(field.shape)}{_timing(field)}" for field in images) or "no images"
+
+
+def _timing(field: Field) -> str:
+    every = f" every {field.every} steps" if field.every > 1 else ""
+    return f"{every} {field.delay} steps late" if field.delay else every
 
 
 def _size(shape: tuple[int, ...]) -> str:

@@ -77,10 +77,11 @@ def fingerprints(frames: np.ndarray) -> np.ndarray:
 
 
 def glimpses(images: Sequence[np.ndarray]) -> np.ndarray:
-    """Return a number (n, C) for each of C cameras' ``images`` (n, H, W, 3) uint8, exact, of every pixel."""
+    """Return a number (n, C) for each of C cameras' ``images`` (n, H, W, ...), exact, of every pixel."""
     sums = []
     for image in images:
-        pixels = image.reshape(len(image), -1).astype(np.uint64)
+        whole = image if image.dtype == np.uint8 else np.ascontiguousarray(image, np.float32).view(np.uint32)
+        pixels = whole.reshape(len(image), -1).astype(np.uint64)
         places = _mixed(np.arange(1, pixels.shape[1] + 1, dtype=np.uint64) * GOLDEN)
         sums.append(((pixels * places).sum(axis=1) >> np.uint64(11)).astype(np.float64))
     return np.stack(sums, axis=1)

@@ -71,8 +71,9 @@ def _inputs(policy: ChunkPolicy, worlds: int) -> Mapping[str, Tensor]:
     layout, history = policy.interface.layout, policy.config.history
     rng = np.random.default_rng(0)
     inputs = {STATE: torch.from_numpy(rng.normal(size=(worlds, history, layout.size)).astype(np.float32))}
-    for name, shape in zip(layout.images, layout.image_shapes, strict=True):
-        inputs[IMAGE + name] = torch.from_numpy(rng.integers(0, 256, (worlds, history, *shape), np.uint8))
+    for name, shape, dtype in zip(layout.images, layout.image_shapes, layout.image_dtypes, strict=True):
+        pixels = rng.integers(0, 256, (worlds, history, *shape), np.uint8)
+        inputs[IMAGE + name] = torch.from_numpy(pixels if dtype == "uint8" else (pixels / 100.0).astype(dtype))
     if size := policy.network.noise_size:
         inputs[NOISE] = torch.from_numpy(rng.normal(size=(worlds, size)).astype(np.float32))
     return inputs

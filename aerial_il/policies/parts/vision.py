@@ -20,6 +20,7 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, PolicySettings, Seen
 
 CHANNELS, GROUPS = (16, 32, 32), 8
+FAR_M = 2.0  # what is farther is as far: depth is clipped to it, and seen in [-1, 1] as colours are
 SMALLEST = 16  # pixels that the CNN can still halve twice
 
 
@@ -62,11 +63,14 @@ class VisionNetwork(ChunkNetwork):
         return torch.cat([obs.state, *features], dim=-1)
 
     def _look(self, eye: nn.Module, images: Tensor) -> Tensor:
-        """Return what ``eye`` makes of images (B, To, H, W, 3) uint8: features (B, To, F)."""
-        part = random_part if self.training else middle_part
-        seen = part(images, *_cropped(images.shape[2:4], self.crop)).flatten(0, 1)
+        """Return what ``eye`` makes of images (B, To, H, W, 3) uint8, or (B, To, H, W) m: features (B, To, F)."""
+        part, is_depth = random_part if self.training else middle_part, images.is_floating_point()
+        seen = part(images[..., None] if is_depth else images, *_cropped(images.shape[2:4], self.crop)).flatten(0, 1)
         planes = seen.permute(0, 3, 1, 2).contiguous()  # as a view, two and a half times as long on a processor
-        return eye(planes.float().div_(127.5).sub_(1)).unflatten(0, images.shape[:2])
+        scaled = (
+            (planes.clamp(0.0, FAR_M) * (2.0 / FAR_M)).repeat(1, 3, 1, 1) if is_depth else planes.float().div_(127.5)
+        )
+        return eye(scaled.sub_(1)).unflatten(0, images.shape[:2])
 
 
 def middle_part(images: Tensor, height: int, width: int) -> Tensor:

@@ -15,7 +15,8 @@ from aerial_il.robots.parts.base import Base
 UP, AHEAD, DOWN = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, -1.0)
 LARGEST_IMAGE = (960, 1280)  # height, width, pixels
 WIDE_DEG = 75.0
-NEAR_M = 0.7
+WRIST_DEG, BASE_DEG = 90.0, 95.0  # of cameras beside an arm, see experiments/cameras
+NEAR_M = 0.62
 BRACKET_M = 0.12  # the base's camera looks past the arm from at least this far to its side
 
 
@@ -60,6 +61,13 @@ class Camera:
         body.add_camera(name=self.name, pos=self.pos, quat=quat, fovy=self.fov)
 
 
+def frame_of(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Position (3,) m and rotation (3, 3) of a camera in the frame of the body that carries it."""
+    mat = np.empty(9)
+    mujoco.mju_quat2Mat(mat, look_along(np.array(camera.forward), up=camera.up))
+    return np.array(camera.pos, float), mat.reshape(3, 3)
+
+
 def check_size(size: tuple[int, int]) -> None:
     """Refuse images that are empty or larger than can be rendered.
 
@@ -76,8 +84,8 @@ STANDARD = ("wrist", "base")  # what the cameras of a robot are called that decl
 def standard_cameras(base: Base, arm: Arm, tool: Vector, hanging: np.ndarray) -> tuple[Camera, Camera]:
     """Return the cameras of a robot that declares none.
 
-    ``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the whole arm. On a bare base,
-    ``wrist`` looks ahead and down from its nose and ``base`` straight down from below.
+    ``wrist`` looks past the fingers at what they grasp, ``base`` from the base's left at the arm and what is below it.
+    On a bare base, ``wrist`` looks ahead and down from its nose and ``base`` straight down from below.
 
     Args:
         tool: point in the frame of the last link, m. hanging: (3,) where it is with the arm down, base frame, m.
@@ -91,10 +99,10 @@ def standard_cameras(base: Base, arm: Arm, tool: Vector, hanging: np.ndarray) ->
     span = arm.reach
     height = max(-base.hub_size[2], hanging[2] + 0.5 * span)
     pos = np.array([0.25 * span, max(0.4 * span, BRACKET_M), height])
-    away = np.array([1.75 * hanging[0], 0.0, 0.9 * hanging[2]]) - pos
-    view = min(WIDE_DEG, WIDE_DEG * NEAR_M / float(np.linalg.norm(away)))  # a far gripper is looked at more closely
+    away = np.array([2.5 * hanging[0], 0.0, 2.0 * hanging[2]]) - pos
+    view = min(BASE_DEG, BASE_DEG * NEAR_M / float(np.linalg.norm(hanging - pos)))  # a far gripper: more closely
     return (
-        Camera("wrist", "tool", tuple(wrist.tolist()), tuple(ahead.tolist())),
+        Camera("wrist", "tool", tuple(wrist.tolist()), tuple(ahead.tolist()), fov=WRIST_DEG),
         Camera("base", "base", tuple(pos.tolist()), tuple(away.tolist()), up=AHEAD, fov=view),
     )
 

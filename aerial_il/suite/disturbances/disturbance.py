@@ -23,7 +23,7 @@ import numpy as np
 from aerial_il.core.addresses import record_of_numbers
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.robots.robot import Robot
-from aerial_il.suite.disturbances.nominal import Nominal
+from aerial_il.suite.disturbances.nominal import SEEN, Nominal
 
 
 class Start(NamedTuple):
@@ -76,6 +76,11 @@ class Disturbance:
     def unfelt(self, robot: Robot) -> str | None:
         """Return why ``robot`` would not notice it at any strength, or None if it would."""
         return None
+
+    @property
+    def seen_alone(self) -> bool:
+        """Whether nothing of it is noticed but by cameras."""
+        return bool(self.varies) and SEEN.issuperset(self.varies)
 
     def numbers(self, robot: Robot) -> dict[str, float]:
         """Return what the kernels read, by name: the settings, or what they amount to on a robot."""

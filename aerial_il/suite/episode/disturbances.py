@@ -17,7 +17,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import disturbances, tasks, tiers
 from aerial_il.suite.disturbances.disturbance import Start
-from aerial_il.suite.disturbances.nominal import CAMERA_OFFSET, ROTOR_GAIN, Nominal
+from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, SEEN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.physics import episode_state as layout
 from aerial_il.suite.physics.hooks import (
@@ -75,20 +75,20 @@ class Disturbances:
 
     Attributes:
         rotor_gain: (n, R) what the rotors give of their thrust.
-        camera_offset: (n, C, 3) how far each camera of the robot is from where it should be, in its frame, m.
+        sights: of each world, fields of :data:`SEEN` by name that are not as they should be.
     """
 
     def __init__(self, scenario: Scenario, view: View) -> None:
         self.scenario, self.view, self.tier = scenario, view, scenario.tier
         worlds = view.worlds
         self.table = HookTable(self.tier, scenario.robot, worlds.n)
-        self._nominal = Nominal(worlds.model, scenario.robot)
+        self._nominal = Nominal(worlds.model, scenario.robot, scenario.model)
         varied = {name for part in self.tier.parts.values() for name in part.varies}
         self.rotor_gain = np.ones((worlds.n, scenario.robot.num_rotors))
-        self.camera_offset = np.zeros((worlds.n, len(scenario.robot.mounted_cameras), 3))
+        self.sights: list[dict[str, np.ndarray]] = [{} for _ in range(worlds.n)]
         self._fields = {name: self._nominal.field(name) for name in sorted(varied)}
         self._model_seeds = np.full(worlds.n, -1, np.int64)  # whose parameters each model holds; no part of the state
-        self._workspace = mujoco.MjData(worlds.model) if varied else None
+        self._workspace = mujoco.MjData(worlds.model) if varied - SEEN else None
 
     def start(self, mask: np.ndarray) -> None:
         """Draw the memories with which the episodes of the worlds in ``mask`` (n,) start, which stand where they do."""
@@ -116,15 +116,15 @@ class Disturbances:
 
     def vary(self, seeds: np.ndarray, mask: np.ndarray) -> None:
         """Give the worlds in ``mask`` (n,) the model parameters of their episodes ``seeds`` (n,)."""
-        if self._workspace is None:
-            return
-        for i in np.flatnonzero(mask & (self._model_seeds != seeds)):
-            model = self.view.worlds.own_model(int(i))
-            beside = {ROTOR_GAIN: self.rotor_gain[i], CAMERA_OFFSET: self.camera_offset[i]}
-            for name, value in self._varied(int(seeds[i]))[0].items():
-                field = beside[name] if name in beside else getattr(model, name)
-                field[:] = value
-            mujoco.mj_setConst(model, self._workspace)
+        for i in np.flatnonzero(mask & (self._model_seeds != seeds)) if self._fields else ():
+            fields = self._varied(int(seeds[i]))[0]
+            self.sights[i] = {name: fields.pop(name) for name in SEEN & fields.keys()}
+            if self._workspace is not None:
+                model = self.view.worlds.own_model(int(i))
+                for name, value in fields.items():
+                    field = self.rotor_gain[i] if name == ROTOR_GAIN else getattr(model, name)
+                    field[:] = value
+                mujoco.mj_setConst(model, self._workspace)
             self._model_seeds[i] = seeds[i]
 
     def drawn(self, seed: int) -> dict[str, Any]:

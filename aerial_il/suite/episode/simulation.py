@@ -33,6 +33,7 @@ from aerial_il.suite.physics.aerodynamics import quadratic_drag
 from aerial_il.suite.physics.physics_batch import STATE, PhysicsBatch
 from aerial_il.suite.physics.thread_pool import ThreadPool
 from aerial_il.suite.physics.view import View
+from aerial_il.suite.rendering import AS_IT_IS, Sight
 from aerial_il.suite.scenario import Scenario
 from aerial_il.suite.timing import CONTROL_DT_S, PHYSICS_DT_S, SUBSTEPS
 
@@ -67,6 +68,7 @@ class Simulation:
     ) -> None:
         self.scenario, self.worlds = scenario, worlds
         self.robot, self.task, self.spec = scenario.robot, scenario.task, scenario.spec
+        self._cameras = tuple(camera.name for camera in self.robot.mounted_cameras)
         self.view = View(worlds, self.robot, self.task.names)
         self.gains = registry.get("controller", scenario.controller)().gains.fitted(self.robot.vehicle)
         self._steering = Steering(scenario.controller, self.robot.vehicle)
@@ -259,11 +261,11 @@ class Simulation:
         """One number of its assessment, see :mod:`aerial_il.suite.episode.assessment`."""
         return float(self._results.verdicts[world, kind])
 
-    def camera_offset(self, world: int, camera: str) -> np.ndarray | None:
-        """(3,) how far a camera of one world is from where it should be, in its frame, m; None where it may not be."""
-        names = [each.name for each in self.robot.mounted_cameras]
-        moved = "camera_shift" in self.disturbances.tier.parts and camera in names
-        return self.disturbances.camera_offset[world, names.index(camera)] if moved else None
+    def sight(self, world: int) -> Sight:
+        """How one world is seen now, where it is not as it should be."""
+        fields = self.disturbances.sights[world]
+        seed, step = (int(self._userdata[world, at]) for at in (layout.SEED, layout.STEP))
+        return Sight(fields, self._cameras, seed, step) if fields else AS_IT_IS
 
     def close(self) -> None:
         """End the controllers' threads."""

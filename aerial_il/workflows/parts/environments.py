@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, camera_text
 from aerial_il.suite import outside
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.outside.processes import processes_for
@@ -29,7 +29,7 @@ class EnvironmentReference:
     Attributes:
         env: key of one from outside. options: how that one is made.
         robot, task, tier, action, controller, horizon: of one of the suite's; None for the default.
-        cameras, image_size: what is rendered there, and how large: height and width.
+        cameras, image_size: what is rendered there, and how large, where cameras do not say so: height and width.
     """
 
     env: str | None = None
@@ -133,8 +133,6 @@ def reference_of(spec: EnvSpec, *, images: Sequence[str] = (), typed: str | None
     """
     if spec.is_outside:
         return EnvironmentReference(env=key_of(spec, typed), options=outside.checked_options(spec))
-    sizes = {spec.observation[name].shape[:2] for name in images}
-    height, width = sizes.pop() if sizes else IMAGE_SIZE
     return EnvironmentReference(
         robot=spec.robot,
         task=spec.task,
@@ -142,8 +140,7 @@ def reference_of(spec: EnvSpec, *, images: Sequence[str] = (), typed: str | None
         action=spec.action.level,
         controller=spec.controller,
         horizon=horizon_of(spec),
-        cameras=tuple(":".join(name.rsplit("_", 1)) for name in images),
-        image_size=(height, width),
+        cameras=tuple(camera_text(spec.observation[name], spec.control_dt_s) for name in images),
     )
 
 

@@ -17,7 +17,7 @@ from aerial_il import experts
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rendering import require_rendering
-from aerial_il.core.specs import EnvSpec, camera_name
+from aerial_il.core.specs import EnvSpec, camera_text
 from aerial_il.data.episode import Episode
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.outcome import subtask_flags
@@ -186,13 +186,14 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
 
 
 def _cell(policy: FlyingPolicy, robot: str, task: str, action: str) -> EnvironmentReference:
-    """Return a cell with the cameras that ``policy`` looks through and the size of their images, all of them alike."""
+    """Return a cell with the cameras that ``policy`` looks through, and their images as it was trained with."""
     layout = policy.interface.layout
     if not layout.images:
         return EnvironmentReference(robot=robot, task=task, action=action)
     require_rendering(f"a policy that sees {layout.cameras}")
-    cameras, (height, width) = tuple(map(camera_name, layout.images)), layout.image_shapes[0][:2]
-    return EnvironmentReference(robot=robot, task=task, action=action, cameras=cameras, image_size=(height, width))
+    fields = (layout.spec.observation[name] for name in layout.images)
+    cameras = tuple(camera_text(field, layout.spec.control_dt_s) for field in fields)
+    return EnvironmentReference(robot=robot, task=task, action=action, cameras=cameras)
 
 
 def record(env: BatchEnv, policy: Policy, seed: int, file: Path, *, name: str) -> Episode:

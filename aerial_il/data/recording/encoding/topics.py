@@ -106,12 +106,17 @@ class FixedTopic(Topic):
 
 @dataclass(frozen=True)
 class Camera:
-    """One image field and its topic of compressed images."""
+    """One image field and its topic of compressed images.
+
+    Attributes:
+        holds: whether it shows one image for several steps, which is then written once.
+    """
 
     channel: int
     field: str
     shape: tuple[int, ...]
     dtype: str
+    holds: bool = False
 
     @property
     def name(self) -> str:

@@ -27,7 +27,7 @@ from lerobot.envs.utils import freeze_after_episode_end
 
 from aerial_il.core import lerobot_names
 from aerial_il.core.rendering import can_render
-from aerial_il.core.specs import EnvSpec, Group, camera_name, image_name
+from aerial_il.core.specs import EnvSpec, Group, camera_name
 from aerial_il.suite.faces.gymnasium_env import SingleEnv
 from aerial_il.suite.faces.gymnasium_ids import gymnasium_id
 from aerial_il.suite.scenario import Scenario
@@ -67,9 +67,9 @@ class AerialEnvConfig(EnvConfig):
         for name, kind in ((STATE, FeatureType.STATE), (ENVIRONMENT, FeatureType.ENV)):
             if sizes[name]:
                 self.features[name] = PolicyFeature(kind, (sizes[name],))
-        for camera in self.cameras:
-            shape = spec.observation[image_name(camera)].shape
-            self.features[f"{IMAGES}/{camera}"] = PolicyFeature(FeatureType.VISUAL, shape)
+        for image in spec.observation.of_group("image"):
+            camera = camera_name(image.name)
+            self.features[f"{IMAGES}/{camera}"] = PolicyFeature(FeatureType.VISUAL, image.shape)
             self.features_map[f"{IMAGES}/{camera}"] = lerobot_names.IMAGES + camera
 
     @property
