@@ -25,9 +25,9 @@ import shutil
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -38,12 +38,12 @@ from aerial_il.algorithms.interactive.problem import Collect
 from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER_RUN
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder
-from aerial_il.algorithms.seeing.frames import Frames, Lessons, chosen, kept_fields, steps_of
+from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
 from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.composition import plain
-from aerial_il.core.contracts import BatchEnv
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
@@ -270,8 +270,7 @@ class _Run:
         os.replace(aside, place)
 
     def _own_flights(self, number: int) -> list[Episode]:
-        images = tuple(camera.image for camera in self.eyes.cameras)
-        return [*open_dataset(self._place(number), cameras=images, failures=True, states=False)]
+        return [*open_dataset(self._place(number), failures=True)]
 
     def _lessons(self, number: int) -> list[Lessons]:
         """Return all frames of the rounds up to this one as the networks learn from them."""
@@ -279,31 +278,31 @@ class _Run:
         for k in range(1, number + 1):
             flights = self._own_flights(k)
             self.flown, self.solved = self.flown + len(flights), self.solved + sum(f.success for f in flights)
-            picked = chosen(flights, self.settings.flown, named_rng(self.seed, "flown", str(k)))
-            parts += [*steps_of(flights, picked)]
-        return Lessons.of(self.eyes, Frames.joined(parts, kept_fields(self.eyes)))
+            moments = chosen(flights, self.settings.flown, named_rng(self.seed, "flown", str(k)))
+            parts += self._frames(flights, moments, "own frames")
+        return Lessons.of(self.eyes, Frames.joined(parts))
 
     @cached_property
     def _demonstrated(self) -> list[Mapping[str, np.ndarray]]:
-        """Frames of the demonstrations, and those in which objects are elsewhere."""
-        rng = named_rng(self.seed, "frames")
-        parts: list[Mapping[str, np.ndarray]] = [*steps_of(self.shown, chosen(self.shown, self.settings.frames, rng))]
-        return [*parts, *self._redrawn(rng)] if self.settings.redrawn else parts
+        """Frames of the demonstrations, and of as many scenes in which the objects are elsewhere."""
+        rng, settings = named_rng(self.seed, "frames"), self.settings
+        parts = self._frames(self.shown, chosen(self.shown, settings.frames, rng), "frames")
+        if settings.redrawn:
+            redrawing = Redrawing(self.env.model, np.stack([demo.states[0] for demo in self.shown]))
+            moments = chosen(self.shown, settings.redrawn, rng)
+            moved = partial(redrawing.redrawn, rng=rng)
+            parts += self._frames(self.shown, moments, "redrawn scenes", moved=moved)
+        return parts
 
-    def _redrawn(self, rng: np.random.Generator) -> Iterable[Mapping[str, np.ndarray]]:
-        """Yield what the cameras show of moments of the demonstrations with the objects elsewhere."""
-        redrawing = Redrawing(self.env.model, np.stack([demo.states[0] for demo in self.shown]))
-        picked = chosen(self.shown, self.settings.redrawn, rng)
-        steps = [picked[int(i)] for i in rng.permutation(len(picked))]
-        worlds = self.env.num_envs
-        with Progress(total=len(steps), desc="redraw scenes", unit="frame", disable=not self.progress) as bar:
-            for start in range(0, len(steps) - worlds + 1, worlds):
-                some = steps[start : start + worlds]
-                states = np.stack([self.shown[k].states[step] for k, step in some])
-                tools = np.stack([self.shown[k].obs["ee_pos"][step] for k, step in some])
-                obs = self.env.set_state(redrawing.redrawn(states, tools, rng))
-                bar.update(worlds)
-                yield {name: values.copy() for name, values in obs.items()}
+    def _frames(self, flights: Sequence[Episode], moments: Moments, what: str, **options: Any) -> list[Observation]:
+        """Return what there is to be seen in moments of flights."""
+        frames = drawn(self.env, flights, moments, kept_fields(self.eyes), **options)
+        with Progress(total=len(moments), desc=what, unit="frame", disable=not self.progress) as bar:
+            parts = []
+            for part in frames:
+                parts.append(part)
+                bar.update(len(part["ee_pos"]))
+        return parts
 
     def _learn(self, number: int) -> float:
         """Train the networks on all frames so far; return the mean loss of the last hundred steps."""
@@ -342,8 +341,7 @@ class _Run:
         """Return the error of each target on demonstrations that were held out, over all cameras."""
         if not self.held_out:
             return {}
-        parts = steps_of(self.held_out, chosen(self.held_out, 2_000, named_rng(self.seed, "held out")))
-        frames = Frames.joined(parts, kept_fields(self.eyes))
+        frames = self._held_out_frames
         missed: dict[str, list[np.ndarray]] = {}
         cameras = zip(self.eyes.cameras, self.eyes.eyes, Lessons.of(self.eyes, frames), strict=True)
         for camera, eye, lessons in cameras:
@@ -362,3 +360,8 @@ class _Run:
         return {
             f"validation/{name}": float(np.sqrt(np.mean(np.concatenate(each) ** 2))) for name, each in missed.items()
         }
+
+    @cached_property
+    def _held_out_frames(self) -> Frames:
+        moments = chosen(self.held_out, 2_000, named_rng(self.seed, "held out"))
+        return Frames.joined(self._frames(self.held_out, moments, "held-out frames"))

@@ -44,10 +44,13 @@ def shown(tmp_path_factory):
     return place
 
 
-def trained(shown, run, settings=SMALL, **options) -> PerceivingPolicy:
-    demos = open_dataset(shown, cameras=IMAGES)
+def trained(shown, run, settings=SMALL) -> PerceivingPolicy:
     with closing(environment("press_button")) as env:
-        policy = settings.train(demos, POLICY, run=run, env=env, collect=collect, progress=False, **options)
+        return trained_on(open_dataset(shown, cameras=IMAGES), run, env, settings)
+
+
+def trained_on(demos, run, env, settings=SMALL) -> PerceivingPolicy:
+    policy = settings.train(demos, POLICY, run=run, env=env, collect=collect, progress=False)
     assert isinstance(policy, PerceivingPolicy)
     return policy
 
@@ -144,3 +147,31 @@ def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monke
             policy.attach(env)
         with pytest.raises(InvalidValueError, match=r"another camera 'wrist' .* \(fovy .*Record them again"):
             SMALL.train(open_dataset(shown, cameras=IMAGES), POLICY, run=tmp_path / "again", env=env, collect=collect)
+
+
+def test_late_and_rare_images_are_measured_from_where_they_were_taken(tmp_path):
+    """Cameras at 25 Hz, one of them 40 ms late."""
+    cameras = ("wrist@24x24@25Hz@40ms", "base@24x24")
+    env = aerial_il.load_batch("fa_hexa_arm4", "press_button", num_envs=1, cameras=cameras)
+    with closing(env):
+        expert = aerial_il.expert("fa_hexa_arm4", "press_button")
+        collect(env, expert, range(2), tmp_path / "demos", progress=False)
+        demos = [*open_dataset(tmp_path / "demos", cameras=IMAGES)]
+        policy = trained_on(demos, tmp_path / "run", env)
+        looks = list[tuple[int, int, float]]()
+        tell = policy.eyes.tell
+        seen_at = iter(range(100))
+        obs, step = env.reset(9), next(seen_at)
+        places = [obs["ee_pos"][0, 0]]
+
+        def noted(tracker, k, now, then, mask):
+            looks.append((step, k, float(then["ee_pos"][0, 0])))
+            tell(tracker, k, now, then, mask)
+
+        policy.eyes.tell = noted
+        for _ in range(8):
+            obs, step = env.step(policy.act(obs)).obs, next(seen_at)
+            places.append(obs["ee_pos"][0, 0])
+    wrist = [(step, then) for step, k, then in looks if k == 0]
+    assert wrist == [(step, places[max(0, step - 2)]) for step in (0, 4, 6)]
+    assert [step for step, k, _ in looks if k == 1] == [0, 2, 4, 6]

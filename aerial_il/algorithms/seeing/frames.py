@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from torch import Tensor
 
-from aerial_il.core.contracts import Observation
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies.perception.cameras import MOUNTS
 from aerial_il.policies.perception.eyes import Eyes, labels_of
+
+Moments = Sequence[tuple[int, int]]  # flight, step
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,10 +31,10 @@ class Frames:
         return len(next(iter(self.obs.values())))
 
     @staticmethod
-    def joined(parts: Iterable[Observation], names: Sequence[str]) -> Frames:
-        """Return all steps of ``parts``, of which the fields ``names`` are kept."""
+    def joined(parts: Iterable[Observation]) -> Frames:
+        """Return all steps of ``parts``, which have the same fields."""
         listed = list(parts)
-        return Frames({name: np.concatenate([part[name] for part in listed]) for name in names})
+        return Frames({name: np.concatenate([part[name] for part in listed]) for name in listed[0]})
 
 
 def kept_fields(eyes: Eyes) -> tuple[str, ...]:
@@ -43,18 +45,33 @@ def kept_fields(eyes: Eyes) -> tuple[str, ...]:
 
 
 def chosen(flights: Sequence[Episode], count: int, rng: np.random.Generator) -> list[tuple[int, int]]:
-    """Return ``count`` steps (flight, step), spread evenly over the flights and at random in each."""
+    """Return ``count`` moments (flight, step), at random among all; all of them where there are no more."""
     whole = [(k, step) for k, flight in enumerate(flights) for step in range(len(flight) + 1)]
     if count >= len(whole):
         return whole
     return [whole[int(i)] for i in np.sort(rng.choice(len(whole), count, replace=False))]
 
 
-def steps_of(flights: Sequence[Episode], steps: Sequence[tuple[int, int]]) -> Iterable[dict[str, np.ndarray]]:
-    """Yield the observations of chosen steps, flight by flight."""
-    for k in sorted({k for k, _ in steps}):
-        rows = [step for flight, step in steps if flight == k]
-        yield {name: values[rows] for name, values in flights[k].obs.items()}
+def drawn(
+    env: BatchEnv, flights: Sequence[Episode], moments: Moments, names: Sequence[str],
+    *, moved: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+) -> Iterator[dict[str, np.ndarray]]:  # fmt: skip
+    """Yield what there is to be seen in moments of flights, some at a time, drawn from their states.
+
+    So images are as sharp as in flight, where recordings compress them, and as late as those of no camera.
+
+    Args:
+        names: fields that are kept. moved: changes states (n, S) in which the tools are at (n, 3) m, world.
+    """
+    worlds = env.num_envs
+    for start in range(0, len(moments), worlds):
+        some = moments[start : start + worlds]
+        padded = [*some, *[some[-1]] * (worlds - len(some))]
+        states = np.stack([flights[k].states[step] for k, step in padded])
+        if moved is not None:
+            states = moved(states, np.stack([flights[k].obs["ee_pos"][step] for k, step in padded]))
+        obs = env.set_state(states)
+        yield {name: obs[name][: len(some)].copy() for name in names}
 
 
 @dataclass(frozen=True, eq=False)

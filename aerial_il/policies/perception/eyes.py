@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -12,14 +12,33 @@ from torch import Tensor, nn
 from aerial_il.core.contracts import Observation
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
+from aerial_il.policies.parts.relative import rotations
 from aerial_il.policies.perception.cameras import Camera, Pose
 from aerial_il.policies.perception.network import Eye, split, told_size
 from aerial_il.policies.perception.relations import sources_of
-from aerial_il.policies.perception.targets import PLACE, Targets
+from aerial_il.policies.perception.targets import NUMBER, PLACE, Targets
 from aerial_il.policies.perception.tracker import Tracker
 
 FORCE_N = 10.0  # by which forces are divided
 PRESENT, ABSENT = 1.0, -1.0  # logits above and below which a place is taken to be in the image, and not to be
+
+
+class Carried(NamedTuple):
+    """How the tools of n worlds have moved: turned by ``turn`` (n, 3, 3), from ``before`` to ``after`` (n, 3) m."""
+
+    turn: np.ndarray
+    before: np.ndarray
+    after: np.ndarray
+
+    @staticmethod
+    def between(then: Observation, now: Observation) -> Carried:
+        """Return how they moved between two observations."""
+        turn = rotations(now["ee_rot6d"]) @ np.swapaxes(rotations(then["ee_rot6d"]), 1, 2)
+        return Carried(turn, then["ee_pos"], now["ee_pos"])
+
+    def now(self, places: np.ndarray) -> np.ndarray:
+        """Return where places (n, 3) are that went along."""
+        return self.after + np.einsum("nij,nj->ni", self.turn, places - self.before)
 
 
 class Eyes(nn.Module):
@@ -59,15 +78,21 @@ class Eyes(nn.Module):
         return np.concatenate([down, height, *own], axis=1).astype(np.float32)
 
     @torch.inference_mode()
-    def tell(self, tracker: Tracker, obs: Observation, mask: np.ndarray) -> None:
-        """Look at the images of the worlds in ``mask`` (n,) bool, and tell the tracker."""
-        tracker.fade(mask)
-        for camera, eye in zip(self.cameras, self.eyes, strict=True):
-            pose = camera.pose(obs)
-            told = eye(tensor(obs[camera.image][mask]), tensor(self.known(obs, pose)[mask])).numpy()
-            self._hand_on(tracker, camera, pose, told, mask)
+    def tell(self, tracker: Tracker, k: int, obs: Observation, then: Observation, mask: np.ndarray) -> None:
+        """Look through camera ``k`` in the worlds of ``mask`` (n,) bool, and tell the tracker.
 
-    def _hand_on(self, tracker: Tracker, camera: Camera, pose: Pose, told: np.ndarray, mask: np.ndarray) -> None:
+        Args:
+            obs: what is shown now. then: what the robot knew of itself when the image was taken.
+        """
+        camera = self.cameras[k]
+        pose = camera.pose(then)
+        known = tensor(self.known(then, pose)[mask])
+        told = self.eyes[k](tensor(obs[camera.image][mask]), known).numpy()
+        self._hand_on(tracker, camera, pose, told, mask, Carried.between(then, obs))
+
+    def _hand_on(
+        self, tracker: Tracker, camera: Camera, pose: Pose, told: np.ndarray, mask: np.ndarray, carried: Carried
+    ) -> None:
         whole = np.zeros((len(mask), told.shape[1]))
         whole[mask] = told
         start = 0
@@ -83,9 +108,9 @@ class Eyes(nn.Module):
                 tracker.doubt(target.field, mask & expected & (logits.numpy() < ABSENT))
                 turn = pose.rot
                 values = pose.placed(camera.unproject(told_of))
-                tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2))
+                tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2), carried.now(values))
             else:
-                unit = target.scale if sigma.shape[1] == target.size and target.kind == "number" else 1.0
+                unit = target.scale if target.kind == NUMBER else 1.0
                 variance = np.broadcast_to(np.square(sigma * unit), told_of.shape)
                 tracker.tell(target.field, mask, target.decode(told_of, pose), variance)
 

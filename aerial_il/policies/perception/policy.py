@@ -13,18 +13,19 @@ from torch import Tensor
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import Field
 from aerial_il.policies.parts.building import built_for
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.flying import Question
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of
 from aerial_il.policies.parts.prefixed import below, under
-from aerial_il.policies.parts.relative import rotations
-from aerial_il.policies.perception.cameras import Camera
-from aerial_il.policies.perception.eyes import Eyes
+from aerial_il.policies.perception.cameras import MOUNTS, Camera
+from aerial_il.policies.perception.eyes import Carried, Eyes
 from aerial_il.policies.perception.tracker import Tracker
 
-PERCEPTION, PILOT, EYES, TRACKER = "perception", "pilot", "eyes", "tracker"
+PERCEPTION, PILOT, EYES, TRACKER, PAST = "perception", "pilot", "eyes", "tracker", "past"
+OWN_POSE = tuple(name for pair in MOUNTS.values() for name in pair)
 
 
 class PerceivingPolicy(ChunkPolicy):
@@ -43,7 +44,7 @@ class PerceivingPolicy(ChunkPolicy):
         super().__init__(config, interface, StateOnly(pilot.network), pilot.origin if origin is None else origin)
         self.pilot, self.eyes, self.every, self.forget = pilot, eyes.eval(), every, forget
         self._tracker = Tracker(eyes.targets.estimated, forget)
-        self._steps, self._tool = np.zeros(0, int), np.zeros((0, 4, 3))
+        self._steps, self._past = np.zeros(0, int), dict[str, np.ndarray]()
 
     def look(self, obs: Observation) -> Question | None:
         return super().look({**obs, **self.estimate(obs)})
@@ -52,16 +53,40 @@ class PerceivingPolicy(ChunkPolicy):
         """Take in what n worlds show; return ``field -> (n, D)`` of all that has to be seen."""
         n = len(obs["ee_pos"])
         if len(self._steps) != n:
-            self._steps, self._tool = np.zeros(n, int), np.zeros((n, 4, 3))
-        begins, now = self._steps == 0, np.concatenate([rotations(obs["ee_rot6d"]), obs["ee_pos"][:, None]], axis=1)
+            self._steps, self._past = np.zeros(n, int), {}
+        begins = self._steps == 0
+        self._remember(obs, begins)
         self._tracker.begin(begins)
-        before = np.where(begins[:, None, None], now, self._tool)
-        self._tracker.move(now[:, :3] @ np.swapaxes(before[:, :3], 1, 2), before[:, 3], now[:, 3])
-        due = self._steps % self.every == 0
-        if due.any():
-            self.eyes.tell(self._tracker, obs, due)
-        self._steps, self._tool = self._steps + 1, now
+        self._tracker.move(*Carried.between(self._knew(1), obs))
+        due = [self._due(camera.image) for camera in self.eyes.cameras]
+        self._tracker.fade(np.any(due, axis=0))
+        for k, (camera, mask) in enumerate(zip(self.eyes.cameras, due, strict=True)):
+            if mask.any():
+                self.eyes.tell(self._tracker, k, obs, self._knew(self._taken(camera.image).delay), mask)
+        self._steps = self._steps + 1
         return self.eyes.complete(obs, self._tracker.estimates())
+
+    def _taken(self, image: str) -> Field:
+        return self.spec.observation[image]
+
+    def _due(self, image: str) -> np.ndarray:
+        """Return in which worlds (n,) bool an image is shown that is to be looked at."""
+        taken = self._taken(image)
+        every, age = taken.every * -(-self.every // taken.every), self._steps - taken.delay
+        return (self._steps == 0) | ((age > 0 if taken.delay else age >= 0) & (age % every == 0))
+
+    def _remember(self, obs: Observation, begins: np.ndarray) -> None:
+        """Keep what the robots know of themselves for as long as images are late, at least for a step."""
+        kept = 1 + max(1, *(self._taken(camera.image).delay for camera in self.eyes.cameras))
+        for name in {*OWN_POSE, *self.eyes.own}:
+            now = np.asarray(obs[name], float)[None]
+            past = self._past.get(name, np.repeat(now, kept, axis=0))
+            past = np.concatenate([past[1:], now])
+            self._past[name] = np.where(begins[:, None], now, past)
+
+    def _knew(self, steps: int) -> dict[str, np.ndarray]:
+        """Return what the robots knew of themselves so many steps ago, or when they began."""
+        return {name: past[-1 - steps] for name, past in self._past.items()}
 
     @property
     def deviations(self) -> dict[str, np.ndarray]:
@@ -77,7 +102,7 @@ class PerceivingPolicy(ChunkPolicy):
     def reset(self, mask: np.ndarray | None = None) -> None:
         super().reset(mask)
         if mask is None:
-            self._steps, self._tool = np.zeros(0, int), np.zeros((0, 4, 3))
+            self._steps, self._past = np.zeros(0, int), {}
         elif len(self._steps):
             self._steps[mask] = 0
 
@@ -88,13 +113,15 @@ class PerceivingPolicy(ChunkPolicy):
         return again
 
     def memory(self) -> dict[str, np.ndarray]:
-        own = {"steps": self._steps.copy(), "tool": self._tool.copy(), **under(TRACKER, self._tracker.memory())}
+        own = {"steps": self._steps.copy(), **under(TRACKER, self._tracker.memory())}
+        own |= under(PAST, {name: past.copy() for name, past in self._past.items()})
         return {**super().memory(), **under(EYES, own)}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
         super().recall(memory)
         own = below(EYES, memory)
-        self._steps, self._tool = own["steps"].copy(), own["tool"].copy()
+        self._steps = own["steps"].copy()
+        self._past = {name: past.copy() for name, past in below(PAST, own).items()}
         self._tracker.recall(below(TRACKER, own))
 
     def to_checkpoint(self) -> Checkpoint:

@@ -54,13 +54,16 @@ class Tracker:
         for each in self._filters.values():
             each.fade(mask)
 
-    def tell(self, field: str, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+    def tell(
+        self, field: str, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray | None = None
+    ) -> None:
         """Take in what a camera tells of a field in the worlds of ``mask`` (n,) bool.
 
         Args:
             values: (n, D). spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
+            carried: (n, 3) where a place is now if the tool has carried it since the image was taken; None for then.
         """
-        self._filters[field].tell(mask, values, spread)
+        self._filters[field].tell(mask, values, spread, values if carried is None else carried)
 
     def doubt(self, field: str, mask: np.ndarray) -> None:
         """Know less of a place in the worlds of ``mask`` (n,) bool: where it should be in an image, it is not."""
@@ -112,7 +115,7 @@ class _Numbers:
     def fade(self, mask: np.ndarray) -> None:
         self.var[mask] = np.minimum(self.var[mask] / self._keep, np.square(UNKNOWN * self._target.scale))
 
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
         missed, var = values[mask] - self.mean[mask], self.var[mask]
         far = np.square(missed) / (var + spread[mask])
         gain = var / (var + spread[mask] * np.maximum(1.0, far / FAR))
@@ -169,9 +172,9 @@ class _Place:
         too_much = np.maximum(1.0, np.trace(cov, axis1=2, axis2=3) / np.trace(self._unknown))
         return cov / too_much[..., None, None]
 
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray) -> None:
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
         mean, cov = self.mean[mask], self.cov[mask]
-        missed = values[mask][:, None] - mean
+        missed = np.stack([values[mask], carried[mask]], axis=1) - mean
         noise = spread[mask][:, None] + np.square(LEAST_M) * np.eye(3)
         far = _squared(missed, cov + noise)
         noise = noise * np.maximum(1.0, far.min(1) / FAR)[:, None, None, None]
