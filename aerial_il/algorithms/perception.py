@@ -88,8 +88,8 @@ class Perception:
     demonstrated: ClassVar[bool] = True
 
     training: BC = BC()
-    steps: int = 5_000
-    more_steps: int = 4_000
+    steps: int = 4_000
+    more_steps: int = 3_000
     batch_size: int = 64
     lr: float = 1e-3
     weight_decay: float = 1e-4
