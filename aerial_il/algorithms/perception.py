@@ -148,7 +148,7 @@ class Perception:
             raise InvalidValueError(
                 "algorithm=perception looks at images: name some, e.g. policy.images=[wrist_rgb,base_rgb]."
             )
-        run, demos = Path(run), [episode for episode in dataset if episode.success]
+        run, demos = Path(run), [_without_images(episode) for episode in dataset if episode.success]
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
         check_cameras(demos[0], env.model, policy.images)  # type: ignore[arg-type]
@@ -163,6 +163,11 @@ class Perception:
             if not resume:
                 shutil.rmtree(run / FLIGHTS, ignore_errors=True)
             return _Run(self, folder, env, collect, pilot, policy.images, demos, seed, progress).finish(evaluate)
+
+
+def _without_images(demo: Episode) -> Episode:
+    """Return a demonstration without its images, which are drawn anew."""
+    return replace(demo, obs={name: demo.obs[name] for name in demo.spec.observation.state_names})
 
 
 def check_cameras(demo: Episode, model: mujoco.MjModel, images: Sequence[str]) -> None:
