@@ -16,8 +16,6 @@ Source: V. Mnih et al., "Asynchronous Methods for Deep Reinforcement Learning", 
 synchronous and its optimiser Adam.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -15,8 +15,6 @@ Source: J. Fu, K. Luo, S. Levine, "Learning Robust Rewards with Adversarial Inve
 equations 4 and 5.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 

@@ -16,8 +16,6 @@ Source: A. Nair, A. Gupta, M. Dalal, S. Levine, "AWAC: Accelerating Online Reinf
 Datasets", 2020, algorithm 1; weights are limited as in IQL, where the source divides them by their sum.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

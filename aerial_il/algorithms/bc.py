@@ -14,8 +14,6 @@ flew best on the way is kept beside the finished one, labelled as such and never
 success rate is biased upwards.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace

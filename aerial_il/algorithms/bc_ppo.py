@@ -21,8 +21,6 @@ A. Ren et al., "Diffusion Policy Policy Optimization", 2024, section 4; the dive
 B. Baker et al., "Video PreTraining (VPT)", 2022, section 4.4; warm-up, gate and trials are ours.
 """
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass
 from typing import ClassVar

@@ -20,8 +20,6 @@ and 6, with its batch size and segments. There alpha is 0.1, lambda 0.5 and the 
 single actions of 4 numbers, and sums are over all steps of a segment; the values here are for chunks of 10 numbers.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

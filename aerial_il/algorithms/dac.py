@@ -22,8 +22,6 @@ Learning?", 2021. That it starts from a clone, stays near it and learns at a fal
 ``docs/adversarial.md`` says what each contributes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

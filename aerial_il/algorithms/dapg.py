@@ -23,8 +23,6 @@ of whose numbers the divergences add up (0.5), its noise is correlated, and the 
 ``shown`` windows of the demonstrations are taken in a turn.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -17,8 +17,6 @@ correlated (``noise_correlation=0.85``); sizes and rates are those of "our DDPG"
 Function Approximation Error in Actor-Critic Methods", 2018.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -18,8 +18,6 @@ Reinforcement Learning with Double Q-learning", 2016, equation 4; for random act
 G. Ostrovski, A. Barreto, "Temporally-Extended epsilon-Greedy Exploration", 2021, appendix B.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar

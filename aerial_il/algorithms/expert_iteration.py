@@ -21,8 +21,6 @@ for learning from a better policy made of the learner, there by search; P. de Ha
 Confusion in Imitation Learning", 2019, section 4, for policies of masked observations chosen by their reward.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar

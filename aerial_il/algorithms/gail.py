@@ -18,8 +18,6 @@ Source: J. Ho, S. Ermon, "Generative Adversarial Imitation Learning", 2016, with
 Clean Imitation Learning Implementations", 2022, found to matter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -28,8 +28,6 @@ Learning", 2021, equation 5, pull towards a dataset), half demonstrations in eac
 prior's action in a demonstrated state is what was demonstrated there.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 

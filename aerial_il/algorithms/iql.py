@@ -19,8 +19,6 @@ Source: I. Kostrikov, A. Nair, S. Levine, "Offline Reinforcement Learning with I
 defaults are its own for locomotion (for Adroit it takes beta 0.5).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import ClassVar
 

@@ -20,8 +20,6 @@ Source: I. Uchendu et al., "Jump-Start Reinforcement Learning", 2023, algorithm 
 off-policy (IQL) and learns from the guide's steps too; here it is on-policy.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar

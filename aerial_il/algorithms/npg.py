@@ -19,8 +19,6 @@ Manipulation with Deep Reinforcement Learning and Demonstrations", 2018; default
 mjrl, for that paper, whose policy is ``hidden=(32, 32)``, ``activation=tanh``, ``spread=free``.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

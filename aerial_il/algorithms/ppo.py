@@ -16,8 +16,6 @@ Source: J. Schulman et al., "Proximal Policy Optimization Algorithms", 2017, equ
 defaults are those of its table 3.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -18,8 +18,6 @@ Source: R. Williams, "Simple Statistical Gradient-Following Algorithms for Conne
 R. Sutton, A. Barto, "Reinforcement Learning: An Introduction", 2018, section 13.4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

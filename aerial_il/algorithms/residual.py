@@ -16,8 +16,6 @@ Source: T. Johannink et al., "Residual Reinforcement Learning for Robot Control"
 There a shift lasts one step; holding it, its bound, the pull and the gate are ours.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -26,8 +26,6 @@ Source: P. Ball, L. Smith, I. Kostrikov, S. Levine, "Efficient Online Reinforcem
 algorithm 1; there 20 updates a step, here 4.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

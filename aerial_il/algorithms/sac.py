@@ -17,8 +17,6 @@ Source: T. Haarnoja et al., "Soft Actor-Critic Algorithms and Applications", 201
 I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, for the absorbing state.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import ClassVar

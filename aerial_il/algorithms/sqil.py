@@ -13,8 +13,6 @@ Metrics: those of ``sac``; ``episode/return`` is the environment's own, which th
 Source: S. Reddy, A. Dragan, S. Levine, "SQIL: Imitation Learning via Reinforcement Learning with Sparse Rewards", 2020.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

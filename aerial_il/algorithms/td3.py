@@ -17,8 +17,6 @@ Source: S. Fujimoto et al., "Addressing Function Approximation Error in Actor-Cr
 defaults are those of its authors' code, but for the warm-up, there 25,000 steps.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

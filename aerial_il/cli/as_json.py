@@ -1,7 +1,5 @@
 """Results that are printed for people, or as JSON for other programs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Tab completion: commands, keys, groups and their values, paths left to the shell."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.cli import commands, words

@@ -1,7 +1,5 @@
 """Words in the grammar of Hydra become the settings of a command; its sweeps become points."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import MISSING, fields, is_dataclass

@@ -1,7 +1,5 @@
 """Help texts, read from the commands' dataclasses and from those of what is chosen."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterable
 from importlib import metadata

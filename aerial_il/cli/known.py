@@ -1,7 +1,5 @@
 """The keys of a command, those of what is chosen among them; what a choice has is remembered in the user's cache."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """The console script ``aerial-il``: finds the command, runs it, turns errors into one paragraph and an exit status."""
 
-from __future__ import annotations
-
 import atexit
 import errno
 import gc

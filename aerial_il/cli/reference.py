@@ -1,7 +1,5 @@
 """Pages of the commands for the site, from what help and completion read: the dataclasses."""
 
-from __future__ import annotations
-
 import re
 
 from aerial_il.cli import commands

@@ -1,7 +1,5 @@
 """Run a command as it was typed: once, in parts, or as a sweep once for each combination of values."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aerial_il.cli import words

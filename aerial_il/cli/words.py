@@ -4,8 +4,6 @@ A path, and whatever else is text, is taken as it stands, commas, quotes and ``$
 part values; there a path with a comma is put in quotes that the shell leaves: ``dataset="'a,b',c"``.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields

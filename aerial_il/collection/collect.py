@@ -1,7 +1,5 @@
 """Fly an expert or a policy over seeds and keep every flight on disk, through kills, full disks and restarts."""
 
-from __future__ import annotations
-
 import logging
 import os
 import time

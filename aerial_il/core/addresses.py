@@ -1,7 +1,5 @@
 """Calls from compiled code through addresses: what is called so is compiled by itself, and its caller only once."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import llvmlite.ir as ir

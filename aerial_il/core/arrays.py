@@ -4,8 +4,6 @@ What is called several times per step is compiled: a dozen small array operation
 numbers in them.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

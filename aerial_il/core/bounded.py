@@ -3,8 +3,6 @@
 Whatever is refused is a ``ValueError``, as are JSON and YAML that say nothing; callers name the file and what to do.
 """
 
-from __future__ import annotations
-
 import errno
 import io
 import json

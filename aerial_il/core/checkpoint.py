@@ -6,8 +6,6 @@ and of itself. It appears under its name in one rename, after everything in it h
 Nothing is ever pickled, so reading a folder of unknown origin cannot run code.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import logging

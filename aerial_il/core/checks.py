@@ -1,7 +1,5 @@
 """What settings must be, by field name: tuples, positive, not negative, a share, widths, one of some choices."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from typing import Any, get_args
 

@@ -1,7 +1,5 @@
 """Settings from plain values and back: what Hydra composes, a preset holds, or Python gives as mappings."""
 
-from __future__ import annotations
-
 import os
 import re
 import types

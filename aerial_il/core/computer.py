@@ -1,7 +1,5 @@
 """Memory that this computer has left, and how much of it one episode may take."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A batch environment around another one, to change a little of what it answers."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from aerial_il.core.contracts import BatchEnv

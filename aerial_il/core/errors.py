@@ -1,7 +1,5 @@
 """Errors a user can act on: each names the value, the limit, the valid choices and the next command."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Iterable
 from typing import Any

@@ -1,7 +1,5 @@
 """Goals that can be exchanged after the fact: what an environment shows of them, and the value of reaching one."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 

@@ -7,8 +7,6 @@ exception is ignored. In both the signal is sent again a moment later.
 Source: the documentation of ``signal``, "Note on Signal Handlers and Exceptions", and of ``sys.unraisablehook``.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -4,8 +4,6 @@ Strict IEEE arithmetic (no ``fastmath``) keeps one world bit-identical to the sa
 code is cached on disk, so only the first run after an edit pays for compilation.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 from collections.abc import Callable, Iterable

@@ -6,8 +6,6 @@ taken by characters. Wordings that share words are near each other, and nothing 
 Source: K. Weinberger et al., "Feature hashing for large scale multitask learning", ICML 2009, equation 2.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from itertools import pairwise

@@ -5,8 +5,6 @@ code, stands for no more than it says, and every number of it is finite and in r
 https://mujoco.readthedocs.io/en/stable/XMLreference.html
 """
 
-from __future__ import annotations
-
 import math
 import re
 from xml.etree.ElementTree import Element

@@ -4,8 +4,6 @@ A file is ours if it carries our name near its beginning or its end, which every
 folder, if it has a file by which we know it and nothing besides what we put there.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Presets: the files of ``conf/KIND/NAME.yaml``, each of which says in data what differs from the defaults."""
 
-from __future__ import annotations
-
 from copy import deepcopy
 from functools import cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Progress on stderr: a bar on a terminal, a line every few seconds in a log; what takes long says so early."""
 
-from __future__ import annotations
-
 import math
 import sys
 import time

@@ -1,7 +1,5 @@
 """Provenance of a result: code, packages and machine, as plain values ready for JSON or YAML."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -8,8 +8,6 @@ A file in the folder of its kind is registered by being there. A package outside
 Names are listed without importing what they name.
 """
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import pkgutil

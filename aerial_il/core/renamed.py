@@ -1,7 +1,5 @@
 """Settings that moved or were renamed: an old key is answered with the new one, for a while."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 
 #: Old names -> new ones, of which an algorithm or a policy has one at most.

@@ -5,8 +5,6 @@ each back end and remembers the first that works; :func:`choose_backend` hands t
 runs state-only: everything but cameras and videos works.
 """
 
-from __future__ import annotations
-
 import ctypes.util
 import os
 import subprocess

@@ -4,8 +4,6 @@ Vectors are ``(x, y, z)``; quaternions are ``(w, x, y, z)`` of unit norm, MuJoCo
 row by row. ``rot_a_from_b`` maps coordinates in frame b to coordinates in frame a.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

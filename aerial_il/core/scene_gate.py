@@ -4,8 +4,6 @@ A scene is checked against what is allowed (:mod:`aerial_il.core.mjcf`), then co
 its own, with little memory and time. Only then does this process compile it.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

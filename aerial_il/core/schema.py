@@ -4,8 +4,6 @@ Where a hint carries a :class:`Choice`, settings are chosen by name among what i
 ``conf/KIND/NAME.yaml``, is a name too. Where it carries a :class:`Name`, the value must be a registered name.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import re

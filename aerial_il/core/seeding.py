@@ -1,7 +1,5 @@
 """Randomness that depends on names and seeds alone, never on worker count or call order."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """From numpy to torch so that equal numbers give equal results, bit for bit."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor

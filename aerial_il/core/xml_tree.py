@@ -1,7 +1,5 @@
 """Parse XML that somebody else wrote: no entities, no namespaces, no more elements than can be held."""
 
-from __future__ import annotations
-
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 

@@ -1,7 +1,5 @@
 """Where one episode ends and the next begins: rows put in order, and cut where the data say that they do not go on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

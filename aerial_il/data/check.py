@@ -4,8 +4,6 @@ A format renames and judges nothing. Here lengths, types, shapes, finiteness, bo
 the same for all; whatever is refused is a :class:`DemoError` that names the episode, the field and the step.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn

@@ -3,8 +3,6 @@
 An end of which the format does not say what it means, and success, are what was asked for, or what the format means.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 

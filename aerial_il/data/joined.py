@@ -1,7 +1,5 @@
 """Several datasets learned from together, each with its share."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -8,8 +8,6 @@ or the other way, they teach to fly with the latency that is left.
 Source: C. Chi et al., "Universal Manipulation Interface", 2024, section IV-B (latency matching).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where what is trained on lies: in memory up to a limit, beyond it in files that vanish with the arrays in them."""
 
-from __future__ import annotations
-
 import logging
 import math
 import mmap

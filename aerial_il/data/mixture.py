@@ -1,7 +1,5 @@
 """Keep a dataset of one kind: the same tier, flight law, pilot and settings, unless somebody wants them mixed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn

@@ -1,7 +1,5 @@
 """Names and origins of episodes: what a flight depends on, and nothing that changes when it is flown again."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

@@ -1,7 +1,5 @@
 """Answers to what a dataset's format cannot say, for every command that opens one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from typing import Any
 

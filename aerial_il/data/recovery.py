@@ -1,7 +1,5 @@
 """Salvage what a killed process, a full disk or a damaged file has left of an episode."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Fly a recording again and require every state to be equal, bit for bit."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """A dataset summed up in one pass: its table, what it covers, and what measures of quality say of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

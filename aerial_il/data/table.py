@@ -3,8 +3,6 @@
 Further columns, such as scores, lie in ``columns/NAME.json`` of a folder of recordings: uid -> a plain value.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from pathlib import Path

@@ -21,8 +21,6 @@ Source: poses reached later as actions, C. Chi et al., "Universal Manipulation I
 Kim et al., "OpenVLA", 2024; moves of the gripper as keyframes, S. James and A. J. Davison, "Q-attention", 2022.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args

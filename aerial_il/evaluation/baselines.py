@@ -1,7 +1,5 @@
 """Policies that know nothing of the task: what every expert and every trained policy must beat."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.contracts import BatchEnv, Observation

@@ -4,8 +4,6 @@ Where both flew the same seeds of the same cell and tier the comparison is paire
 the draw of episodes; otherwise the two are independent samples.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The folder of a result: never inside a dataset, never over a result of something else, and not flown twice."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Mapping, Sequence

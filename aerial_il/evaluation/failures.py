@@ -1,7 +1,5 @@
 """Kinds of failure: how a flight ended, and the sub-task that it never did."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 

@@ -4,8 +4,6 @@ Each flight is one file of ``flights/``, whole or absent, beside a note of what 
 result, its films and its page are written.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import logging

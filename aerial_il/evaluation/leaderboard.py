@@ -5,8 +5,6 @@ be flown or told, make another. What was flown with another version of the engin
 over seeds that the same policy has flown already, stands in no table with the rest; it is named with the reason.
 """
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Sub-tasks of a recorded flight, step by step: no recording holds them, because they follow from its states."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.data.episode import Episode

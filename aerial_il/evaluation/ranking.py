@@ -1,7 +1,5 @@
 """Several evaluations in one ranking, each against the best, with p-values adjusted for how many there are."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any

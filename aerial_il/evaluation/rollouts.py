@@ -1,7 +1,5 @@
 """Fly a policy over fixed seeds: a queue of seeds feeds n worlds, and every seed is flown exactly once."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """Traces of episodes, step by step, kept for n worlds at once until each episode ends."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

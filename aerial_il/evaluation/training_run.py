@@ -1,7 +1,5 @@
 """The folder of a training run, read without torch: settings, metrics, rollouts on the way, provenance."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Where a flight is cut: which of its steps are about which thing, as it was found or as a person says it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass

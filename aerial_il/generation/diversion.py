@@ -1,7 +1,5 @@
 """Lead flights aside as they begin, so that what is learned from shows the way back."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.seeding import named_rng

@@ -1,7 +1,5 @@
 """How hard a tool presses, so that flights that press much harder than their sources do not count."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import mujoco

@@ -1,7 +1,5 @@
 """The policy that flies what was generated: for each world a source, its segments moved to where things are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args

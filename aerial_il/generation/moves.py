@@ -6,8 +6,6 @@ gives one, about itself. Where nothing moves, the end of the flight is one, abou
 between is transit, which is planned anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Move a segment to where its thing is now."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

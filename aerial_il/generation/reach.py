@@ -1,7 +1,5 @@
 """What of a path a robot cannot fly, as far as it can be told before it flies."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.specs import ActionSpec

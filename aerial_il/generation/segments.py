@@ -1,7 +1,5 @@
 """Cut a flight into segments: the tool's path relative to the thing that it deals with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

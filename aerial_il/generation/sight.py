@@ -1,7 +1,5 @@
 """What a camera beside the tool sees of what the tool deals with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

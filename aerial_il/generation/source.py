@@ -1,7 +1,5 @@
 """A flight to generate from: where the tool was sent, and where things were meanwhile."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

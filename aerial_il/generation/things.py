@@ -1,7 +1,5 @@
 """Where the things of a scene are: bodies that an episode places anew, or that can be moved, the robot's excepted."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property

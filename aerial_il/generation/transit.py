@@ -1,7 +1,5 @@
 """The way between two segments: straight, or over what stands in between."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ controller, fed with what the robot shows. The arm is solved from the base's act
 the base is off by.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import mujoco

@@ -4,8 +4,6 @@ So whatever flies environments flies robots: recording, taking over, evaluating.
 is the suite's own environment, number for number.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

@@ -1,7 +1,5 @@
 """What must hold for a policy to fly a robot over a link; where it does not, the robot hovers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aerial_il.core.checks import make_tuples, require_positive

@@ -4,8 +4,6 @@ A set point is an action at one of the levels of :mod:`aerial_il.control.actions
 robot that hears none for a while hovers by itself. Levels may change from one set point to the next.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum

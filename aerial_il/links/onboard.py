@@ -6,8 +6,6 @@ The robot is in the air already, or is simulated: then ``seed=0`` lets it begin 
 is written as transitions, which ``aerial_il.open_dataset`` reads; images are left out.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable, Sequence

@@ -6,8 +6,6 @@ that came too late, so that the flight does not depend on how fast it thought, a
 chunks join, the step between them may be spread over some ticks.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -5,8 +5,6 @@ move. It is released by taking off, and held again when it has come back to with
 beside.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace

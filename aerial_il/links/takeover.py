@@ -1,7 +1,5 @@
 """A person on the page who watches a policy fly a robot, and takes over; while nobody watches, the robot hovers."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """Watches what a robot shows over a link, and says when a policy is not to fly it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

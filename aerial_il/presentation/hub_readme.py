@@ -3,8 +3,6 @@
 Source: https://huggingface.co/docs/hub/datasets-cards
 """
 
-from __future__ import annotations
-
 import html
 import re
 from collections.abc import Collection, Sequence

@@ -1,7 +1,5 @@
 """Tables of the pages that are written as Markdown."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 

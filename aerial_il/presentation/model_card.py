@@ -3,8 +3,6 @@
 Source: https://huggingface.co/docs/hub/model-cards
 """
 
-from __future__ import annotations
-
 import yaml
 
 from aerial_il.core.specs import Field

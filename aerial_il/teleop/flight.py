@@ -1,7 +1,5 @@
 """All parts of a flight by hand put together: environment, cockpit, loop, film and page, until it is interrupted."""
 
-from __future__ import annotations
-
 import asyncio
 import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping

@@ -1,7 +1,5 @@
 """A person on the page as the one whom an interactive algorithm learns from, from the first round to the last."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A page about a dataset, and the README by which a hub shows it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

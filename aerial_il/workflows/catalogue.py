@@ -1,7 +1,5 @@
 """What there is: robots, tasks, cells, tiers, sensors, levels, controllers, policies, algorithms; and their gallery."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Derive another form of recordings: any format that is written, or what viewers show."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass
 from functools import cache

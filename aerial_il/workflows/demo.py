@@ -1,7 +1,5 @@
 """The whole path once: fly, record, convert, learn, evaluate, report. A finished stage is not done again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

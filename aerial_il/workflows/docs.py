@@ -1,7 +1,5 @@
 """The documentation: guides, reference, robots, tasks and studies as one site that opens offline."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

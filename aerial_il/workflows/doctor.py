@@ -1,7 +1,5 @@
 """What works on this machine: versions, cores, rendering, links to robots, free disk space."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A policy as a folder that flies with NumPy and onnxruntime alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

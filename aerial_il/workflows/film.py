@@ -1,7 +1,5 @@
 """Flights of the experts, side by side in one animation or one after another as a film."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A working start for something of one's own: a task, a robot, a disturbance, a policy, an algorithm, …."""
 
-from __future__ import annotations
-
 import keyword
 import re
 from dataclasses import dataclass

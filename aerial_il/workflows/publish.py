@@ -1,7 +1,5 @@
 """A folder ready for a hub: a LeRobot dataset, its README and a page about it; pushed where that is asked for."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from os.path import realpath

@@ -1,7 +1,5 @@
 """Fly recordings again from their recorded actions, and require every state to be the same, bit for bit."""
 
-from __future__ import annotations
-
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import islice

@@ -1,7 +1,5 @@
 """Serve a robot of the suite over a link, for others to fly."""
 
-from __future__ import annotations
-
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Settings in words of the command line: quoted for Hydra, so that text is taken as it stands, and for a shell."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

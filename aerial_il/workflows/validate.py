@@ -1,7 +1,5 @@
 """Read every recording in full, and say which cannot be trusted, and why."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aerial_il.data.reading import Reading

@@ -1,7 +1,5 @@
 """Values that nobody means and somebody types, for every key of every command."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 

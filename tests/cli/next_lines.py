@@ -1,7 +1,5 @@
 """``Next:`` lines, read as a shell and the program read them."""
 
-from __future__ import annotations
-
 import shlex
 from typing import Any
 

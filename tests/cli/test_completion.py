@@ -1,7 +1,5 @@
 """Tab completion offers what can be typed next, in a real shell too."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """An environment from outside is imported because its key was typed, never because a folder names it."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import sys

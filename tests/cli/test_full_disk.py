@@ -1,7 +1,5 @@
 """A disk that takes no more: the file is named, what was finished is whole, and the same command goes on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """No value of any key of any command ends in a traceback; keys and commands are found: new ones are tried too."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

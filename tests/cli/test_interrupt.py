@@ -1,7 +1,5 @@
 """Ctrl-C in every command that takes long: an answer within two seconds, what was finished kept, no traceback."""
 
-from __future__ import annotations
-
 import os
 import resource
 import signal

@@ -1,7 +1,5 @@
 """The console script as a user meets it: quick help, one-paragraph errors, exit statuses."""
 
-from __future__ import annotations
-
 import errno
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """What an older engine, an older tier and older observations left behind is told apart, never silently taken as new."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The commands in the order of the work, on a small scale, each judged by what it leaves behind."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What is typed is checked against what there is, and composed."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerial_il.cli import commands

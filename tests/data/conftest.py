@@ -1,7 +1,5 @@
 """A small dataset of crane flights, recorded once."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

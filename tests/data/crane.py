@@ -4,8 +4,6 @@ It keeps the tests of recording, collection and evaluation fast, and brings outc
 goals lie out of reach (time-out), and a goal at negative x is below the floor for an expert that dives (crash).
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import mujoco

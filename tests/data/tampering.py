@@ -1,7 +1,5 @@
 """Rewrite a recording with something changed and every checksum right, as a hostile or careless tool would."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The gate: what cannot be used is refused by name, whatever format it lies in; what is merely left unsaid is not."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path

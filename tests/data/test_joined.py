@@ -1,7 +1,5 @@
 """Several datasets are learned from together, each with its share, or it is said why they cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

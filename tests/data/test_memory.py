@@ -1,7 +1,5 @@
 """What is trained on takes no more memory than it may, and is the same wherever it lies."""
 
-from __future__ import annotations
-
 import logging
 import os
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Recordings replay bit for bit from any step; what a kill or damage leaves is salvaged."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

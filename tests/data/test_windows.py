@@ -1,7 +1,5 @@
 """Windows hold the right rows and pad at the ends; waypoints are found where hands flew."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One evaluation with all three ends, flown once and shared."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerial_il.evaluation.result import EvaluationResult

@@ -1,7 +1,5 @@
 """Two evaluations under other conditions are compared with a word on what differs."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aerial_il.evaluation.compare import other_conditions

@@ -1,7 +1,5 @@
 """A killed evaluation continues with what it had, and no result is written where it does not belong."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import signal

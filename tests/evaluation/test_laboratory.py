@@ -1,7 +1,5 @@
 """Policies under conditions: twins are matched seed by seed, failures have kinds, and equal policies seem equal."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

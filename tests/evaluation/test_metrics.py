@@ -1,7 +1,5 @@
 """Every number of an episode against a hand-made one, and sums against NumPy."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

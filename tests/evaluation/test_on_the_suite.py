@@ -1,7 +1,5 @@
 """Evaluation on the real suite: experts, gusts, films, and baselines that solve nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

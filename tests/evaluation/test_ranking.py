@@ -1,7 +1,5 @@
 """Several evaluations in one ranking: by rate, each against the best, with p-values for how many there are."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Results keep their keys and compare; runs below a folder are found, filtered and sorted."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

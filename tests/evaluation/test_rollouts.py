@@ -1,7 +1,5 @@
 """Every seed is flown once, whatever the number of worlds, and NaN stops with step and seed."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import Any
 

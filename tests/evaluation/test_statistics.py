@@ -1,7 +1,5 @@
 """Intervals and tests against published values, exact enumeration and their own promises."""
 
-from __future__ import annotations
-
 import itertools
 import math
 

@@ -1,7 +1,5 @@
 """Things added from outside, one file each: they are found by entry points, as those of an installed package are."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager

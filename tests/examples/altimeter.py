@@ -1,7 +1,5 @@
 """Altimeter: a laser along the base's own vertical that measures the distance to level ground."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aerial_il.core.kernels import kernel

@@ -1,7 +1,5 @@
 """Squall: once in an episode, a blast of wind that swells, holds and dies away, from anywhere."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """A bare quadrotor that looks ahead with two eyes 12 cm apart, and down with a third."""
 
-from __future__ import annotations
-
 from aerial_il.robots import quad
 from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.parts.camera import AHEAD, DOWN, Camera

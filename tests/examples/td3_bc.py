@@ -9,8 +9,6 @@ and all else is as there. Observations are standardised by the demonstrations.
 Source: S. Fujimoto, S. Gu, "A Minimalist Approach to Offline Reinforcement Learning", 2021, equation 5.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A squall, an altimeter and a stereo rig: one new file each, nothing edited, and every contract is kept."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

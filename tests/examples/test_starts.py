@@ -1,7 +1,5 @@
 """What ``aerial-il new`` writes of a disturbance, a sensor and a controller keeps their contracts as it is."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """TD3+BC: one new file, nothing edited, and the contract of algorithms is kept."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterator
 

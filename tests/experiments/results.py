@@ -1,7 +1,5 @@
 """Made-up evaluations."""
 
-from __future__ import annotations
-
 from aerial_il.evaluation.metrics import EpisodeRecord
 from aerial_il.evaluation.result import EvaluationResult
 

@@ -1,7 +1,5 @@
 """Studies on the Adroit hand: published rewards, what is shown, its control, and what can be missed."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The study of becoming faster than the teacher: times are compared like with like, and its targets can be missed."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, cast
 

@@ -1,7 +1,5 @@
 """``aerial-il bench`` as a user types it."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import subprocess

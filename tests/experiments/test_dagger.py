@@ -1,7 +1,5 @@
 """The study of interactive learning: a small one runs, has its controls at equal cost, and is not flown twice."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

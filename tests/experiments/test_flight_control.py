@@ -1,7 +1,5 @@
 """Studies of flight laws and of flying by learning: manoeuvres measure what they say, and a failure is seen."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

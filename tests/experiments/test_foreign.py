@@ -1,7 +1,5 @@
 """The study of files of others: they hold what was flown, and each stage that one does not reach is a target missed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

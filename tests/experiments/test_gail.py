@@ -1,7 +1,5 @@
 """The study of imitation without reward: what it trains, and how it judges."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

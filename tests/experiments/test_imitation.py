@@ -1,7 +1,5 @@
 """Studies of imitation, of its experts, of pixels and of hands: what is flown, and what their tables say."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Studies beside Stable-Baselines3 and on panda-gym: like is compared with like, and targets can be missed."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, replace
 from pathlib import Path
 

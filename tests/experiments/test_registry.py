@@ -1,7 +1,5 @@
 """Every study is found by its folder, flies the shipped defaults, and refuses what it cannot be asked for."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, fields, is_dataclass
 from typing import Any
 

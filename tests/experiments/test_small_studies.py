@@ -1,7 +1,5 @@
 """Studies run as a whole in a tiny setting, and what they have measured is not measured again."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from collections.abc import Callable

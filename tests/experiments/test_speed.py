@@ -1,7 +1,5 @@
 """Studies of speed compare arms that do the same work: stepping, learning and recording."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What counts as intact after a power cut: not a finished episode with a byte changed, nor an open one that is gone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.data.folder import DatasetFolder

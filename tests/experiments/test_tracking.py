@@ -1,7 +1,5 @@
 """The tracking study: its motions are what they say, and it measures what it says, in a tiny setting."""
 
-from __future__ import annotations
-
 import json
 from itertools import product
 

@@ -1,7 +1,5 @@
 """The study of the wind, in a short setting."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The study of reaching with a fixed arm: what it compares, how it tells shaking, and what it asks for."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

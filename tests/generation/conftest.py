@@ -1,7 +1,5 @@
 """One flight of the expert for each task that generation is tried on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One flight becomes many, by the command: on other places, other robots, in gusts, and the same bytes again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path

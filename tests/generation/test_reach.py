@@ -1,7 +1,5 @@
 """What of a path a robot cannot fly is said before it flies, and nothing is said of what it can."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath

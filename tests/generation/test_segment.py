@@ -1,7 +1,5 @@
 """Cuts by hand: by script and on a page, kept beside the flights, taken back, and flown by what is generated."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import shutil

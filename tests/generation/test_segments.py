@@ -1,7 +1,5 @@
 """A flight is cut where it deals with things, and a segment moves with its thing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

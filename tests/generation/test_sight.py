@@ -1,7 +1,5 @@
 """What the camera beside the tool sees is computed as it is rendered."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The way between two segments passes over what stands in between."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Policies fly robots over links: as the evaluation says in lockstep, guarded, recorded, on time or counted late."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """An exported policy flies on the robot's computer, where neither torch nor MuJoCo is installed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A simulated robot takes orders and set points as a real one would, and refuses what it cannot do."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

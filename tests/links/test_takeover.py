@@ -1,7 +1,5 @@
 """A person on the page watches a policy fly a robot over a link, and takes over from it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

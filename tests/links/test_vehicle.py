@@ -1,7 +1,5 @@
 """A script flies a robot in a few lines, the same over links that differ."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A real browser without a window, where one is installed."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What pages and films show: a recorded flight of an expert, and evaluations of the crane."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

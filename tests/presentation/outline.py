@@ -1,7 +1,5 @@
 """What a page consists of, read without a browser."""
 
-from __future__ import annotations
-
 import re
 from html.parser import HTMLParser
 

@@ -1,7 +1,5 @@
 """Presets, registries and commands agree: everything in ``conf/`` composes, and every key is explained."""
 
-from __future__ import annotations
-
 import shlex
 from itertools import zip_longest
 

@@ -1,7 +1,5 @@
 """Pages name files that are there, and every command line that they show composes: keys known, values fit."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

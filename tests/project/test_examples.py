@@ -1,7 +1,5 @@
 """The examples of the pages on adding something are whole: put where they belong, they are found, and they run."""
 
-from __future__ import annotations
-
 import importlib
 import re
 import sys

@@ -1,7 +1,5 @@
 """The layers between rooms hold, and `import aerial_il` stays light."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from graphlib import CycleError, TopologicalSorter

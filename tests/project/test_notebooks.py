@@ -1,7 +1,5 @@
 """Notebooks show what their sources do: executed, in step with them, and told in other languages with the same code."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A setting reaches the algorithm by a short way: few functions and files of the package hand it on."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """What a person prints fits a screen and says what it is."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What a new user and a continuous-integration machine rely on before any code of ours runs."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

@@ -1,7 +1,5 @@
 """The package as others get it: built, installed into an empty environment, and used elsewhere."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What answering anything a stranger hands over may cost, and how the cost is measured."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A dataset, its derived forms and a run, made once; attacks are copies of them with something changed."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerial_il.cli.main import main

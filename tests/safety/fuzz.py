@@ -5,8 +5,6 @@
 that one that dies is a row of the table, too.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Files and folders of strangers, each made to run code, to reach outside of itself or to swell."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """How commands open what others made, derived from their keys: a new command, or a new key, is attacked too."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 from aerial_il.cli import commands

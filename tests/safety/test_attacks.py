@@ -1,7 +1,5 @@
 """Whatever a command opens: nothing in it is run, nothing outside touched, little spent; also of mutated files."""
 
-from __future__ import annotations
-
 import re
 import sys
 import time

@@ -1,7 +1,5 @@
 """Nothing of the user's is destroyed: every command that writes is sent to places that are somebody else's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

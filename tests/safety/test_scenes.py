@@ -1,7 +1,5 @@
 """A scene out of a recording: whatever shows it passes one door, where only what our own scenes have is let in."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The browser, for tests that are left out where there is none."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerial_il.presentation.rerun.chromium import BROWSER

@@ -1,7 +1,5 @@
 """Tests that are coroutines are run, each in a loop of its own."""
 
-from __future__ import annotations
-
 import asyncio
 import inspect
 

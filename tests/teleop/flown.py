@@ -1,7 +1,5 @@
 """A whole flight by hand in this process, page and all, for tests that talk to it as a browser does."""
 
-from __future__ import annotations
-
 import asyncio
 import ssl
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """What tests fly by: the shipped mappings, and a script at the controls."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ The page's text is read from its document: state, ticks on the list of sub-tasks
 of the simulator, no picture and no message of the server is looked at.
 """
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

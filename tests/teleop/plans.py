@@ -3,8 +3,6 @@
 All lengths are centimetres, all angles degrees, as the page has them.
 """
 
-from __future__ import annotations
-
 import math
 import time
 

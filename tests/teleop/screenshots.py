@@ -3,8 +3,6 @@
 Each is taken in a real browser, of a real flight: wide and on a phone, light and dark.
 """
 
-from __future__ import annotations
-
 import asyncio
 import sys
 from collections.abc import Awaitable, Callable, Sequence

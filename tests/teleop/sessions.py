@@ -1,7 +1,5 @@
 """Parts of a session with somebody at the page, each checked by what the page then shows."""
 
-from __future__ import annotations
-
 import asyncio
 
 from tests.teleop.page_reader import PageReader, Sight, Wish

@@ -1,7 +1,5 @@
 """Devices that are not there, down to their bytes: reports in a pipe, servos at the other end of a serial line."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

@@ -1,7 +1,5 @@
 """Devices that no browser reads, in flight: merged with the page's, lost and found again, and replayed to the bit."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A person on the page as whom an algorithm learns from: one page through several rounds, which says how they went."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import socket

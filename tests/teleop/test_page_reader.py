@@ -1,7 +1,5 @@
 """Tasks flown end to end by who sees only what the page shows and only presses its keys, or moves a gamepad."""
 
-from __future__ import annotations
-
 from contextlib import asynccontextmanager
 from itertools import product
 from pathlib import Path

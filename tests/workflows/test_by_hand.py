@@ -1,7 +1,5 @@
 """What ``aerial-il train`` does by itself about flights by hand, what it says of it, and how it is switched off."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """The package's front: settings of the commands, threads, cameras, learned rewards, and what is returned."""
 
-from __future__ import annotations
-
 import inspect
 from pathlib import Path
 from typing import Any

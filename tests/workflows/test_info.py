@@ -1,7 +1,5 @@
 """What a dataset holds is said without reading its recordings again."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

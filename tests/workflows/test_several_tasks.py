@@ -1,7 +1,5 @@
 """A folder of several tasks: learned from evenly, flown on the way and filmed in each of them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

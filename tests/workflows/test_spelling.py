@@ -1,7 +1,5 @@
 """Whatever a shell can give is a path, and what a command prints may be pasted into a shell."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A user's own pilot flies, records and is judged from the command line; only what was typed names code."""
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Iterator

@@ -13,8 +13,6 @@ Adversarial Inverse Reinforcement Learning", 2018; M. Orsini et al., "What Matte
 Learning?", 2021.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from typing import Literal

@@ -1,7 +1,5 @@
 """A reward learned from demonstrations: its network, trained beside the agent, and its settings."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

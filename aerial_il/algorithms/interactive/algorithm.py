@@ -1,7 +1,5 @@
 """The one base of algorithms that learn in rounds of flights: it opens a run, and states no settings of its own."""
 
-from __future__ import annotations
-
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping

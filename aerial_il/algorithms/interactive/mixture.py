@@ -3,8 +3,6 @@
 Every step is recorded as it was: the action that was executed, the expert's where it was asked, and who flew.
 """
 
-from __future__ import annotations
-
 import copy
 from dataclasses import dataclass
 from typing import Protocol

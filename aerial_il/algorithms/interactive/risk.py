@@ -4,8 +4,6 @@ The outcome of a flight is known, so the probability is learned by classificatio
 state of a failed flight counts as one from which it fails.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

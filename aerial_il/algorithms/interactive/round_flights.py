@@ -1,7 +1,5 @@
 """Flights of the rounds of an interactive run: recorded all or none, labelled ones gathered in one dataset."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

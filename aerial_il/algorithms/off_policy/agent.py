@@ -1,7 +1,5 @@
 """Off-policy agents: their networks in training, and what several of them learn."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from torch import Tensor

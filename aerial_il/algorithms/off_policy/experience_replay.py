@@ -1,7 +1,5 @@
 """An off-policy learner's own flights: its replay buffer, goals relabelled in hindsight, and moments of what it saw."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Who explores: random actions, or a deterministic policy with noise, independent from step to step or correlated."""
 
-from __future__ import annotations
-
 import math
 from typing import Protocol
 

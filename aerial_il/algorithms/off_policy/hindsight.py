@@ -8,8 +8,6 @@ must therefore be 1 when the goal is reached, not -1 until then: to crash would 
 Source: M. Andrychowicz et al., "Hindsight Experience Replay", 2017, section 4.5: strategies ``future`` and ``final``.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The one off-policy loop: every algorithm calls it with its agent and with what one update is."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 from aerial_il.algorithms.off_policy.agent import Agent

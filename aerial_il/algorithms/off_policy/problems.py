@@ -1,7 +1,5 @@
 """What off-policy algorithms learn on: the environment alone, a prior's weights in it, or demonstrations of it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

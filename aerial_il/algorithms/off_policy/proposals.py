@@ -6,8 +6,6 @@ action, and whether there is one. There is none after the last step of an episod
 demonstrated action counts as the proposed one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

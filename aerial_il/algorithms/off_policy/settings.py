@@ -1,7 +1,5 @@
 """Groups of settings that off-policy algorithms share by composition; each algorithm states their values itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, Literal
 

@@ -1,7 +1,5 @@
 """What learns from rollouts: an actor and the state-value critic that judges its decisions, and their minibatches."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from itertools import pairwise

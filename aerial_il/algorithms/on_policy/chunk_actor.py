@@ -6,8 +6,6 @@ correlated, as a first-order autoregressive process whose standard deviation is 
     ``e_k = rho e_{k-1} + sqrt(1 - rho^2) sigma eps_k``,    ``e_0 = sigma eps_0``.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Worlds whose episodes are truncated sooner than they would be: a flight that is stuck teaches little for its time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ have passed (a semi-Markov decision process). Each rollout starts with new decis
 half decided between two of them.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import NamedTuple
 

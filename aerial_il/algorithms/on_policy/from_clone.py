@@ -5,8 +5,6 @@ trained before. A learner of chunks flies it chunk by chunk: a mean over overlap
 been sampled.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """A gate that keeps the return of a prior: weights that return less than it are given up for the last that did not."""
 
-from __future__ import annotations
-
 import copy
 import math
 from typing import Literal

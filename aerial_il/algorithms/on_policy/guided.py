@@ -1,7 +1,5 @@
 """Episodes that a guide starts: for how many steps it flies, and the pilot that lets a learner take over then."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

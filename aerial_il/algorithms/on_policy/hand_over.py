@@ -6,8 +6,6 @@ therefore fly the same start states as they would be used, without noise. These 
 way, saved and returned; what is learned does not depend on them.
 """
 
-from __future__ import annotations
-
 import copy
 import logging
 import math

@@ -1,7 +1,5 @@
 """The one on-policy loop: fly a rollout, judge what was done in it, learn from it, and forget it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Groups of settings that on-policy algorithms share by composition; each algorithm states their values itself."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from aerial_il.core.checks import require_not_negative, require_positive, require_share

@@ -1,7 +1,5 @@
 """Exploration around a frozen policy: Gaussian shifts of its actions, each held for some steps, and their pilot."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A pilot of single steps: every step is a decision, sampled from the actor's answer to one observation."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

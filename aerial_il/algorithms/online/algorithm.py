@@ -1,7 +1,5 @@
 """The one base of algorithms that learn while they fly: what their settings mean, and how a run is opened."""
 
-from __future__ import annotations
-
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable

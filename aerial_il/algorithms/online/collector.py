@@ -5,8 +5,6 @@ restored collector replays them: exact wherever equal seeds and actions give equ
 environment can save its state.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Demonstrations as transitions, and the random flights that take their place in a control run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """The way into and out of a network that acts step by step: observations standardised, actions in [-1, 1]."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Literal, cast
 

@@ -1,7 +1,5 @@
 """Running moments: mean and variance of all that was seen so far."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.algorithms.run.state import Part

@@ -9,8 +9,6 @@ whose every step has a lower reward than that state, would learn to crash.
 Source: I. Kostrikov et al., "Discriminator-Actor-Critic", 2019, section 4.2.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

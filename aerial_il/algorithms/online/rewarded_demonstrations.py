@@ -5,8 +5,6 @@ is its last where success ends an episode; or, with hindsight, by the rule of it
 subtracted in every case.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ Source: S. Mysore et al., "Regularizing Action Policies for Smooth Control with 
 2 to 4. It measures distances between actions by their length; here it is their mean square, smooth at zero.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The cadence of a run: when it logs, evaluates and takes checkpoints; no weight depends on it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What tells one run from another, in words: settings by their values, contents of which a digest is kept by name."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from typing import Any

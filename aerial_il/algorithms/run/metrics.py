@@ -1,7 +1,5 @@
 """Running means of named numbers between two rows of a run's metrics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from aerial_il.algorithms.run.state import Part

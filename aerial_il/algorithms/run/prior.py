@@ -1,7 +1,5 @@
 """A prior: a trained policy that a run starts from."""
 
-from __future__ import annotations
-
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.policies import load_policy

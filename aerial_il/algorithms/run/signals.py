@@ -1,7 +1,5 @@
 """A watch for SIGINT and SIGTERM that lets the training step end and its checkpoint be written first."""
 
-from __future__ import annotations
-
 import signal
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """State of a run in training: its parts as arrays and plain values in one checkpoint, restored bit for bit."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import deepcopy
 from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable

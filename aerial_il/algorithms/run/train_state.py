@@ -1,7 +1,5 @@
 """A network in training with its optimiser, as one part of a run's state."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """A network in supervised training: its optimiser and schedule, averaged weights, counters and metrics."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

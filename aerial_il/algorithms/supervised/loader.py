@@ -1,7 +1,5 @@
 """A loader that gathers the next minibatches in a thread while the trainer works on the present one."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

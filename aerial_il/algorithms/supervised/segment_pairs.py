@@ -1,7 +1,5 @@
 """Training sets of pairs of segments, of which the first one is preferred."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Selection of the demonstrations that a policy learns from, and the weight of each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Training sets: demonstrations checked, split, normalised, in minibatches of tensors."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass

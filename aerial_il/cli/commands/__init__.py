@@ -6,8 +6,6 @@ says where results go, below which each job of a sweep gets a folder. At the top
 only, for help and completion to answer at once.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

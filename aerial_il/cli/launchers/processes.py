@@ -4,8 +4,6 @@ A job that is killed is reported as failed and the others go on, which a pool of
 joblib's, could not do. The machine's cores are divided among those that run.
 """
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections import deque

@@ -3,8 +3,6 @@
 A task whose worker or machine dies is given to another one, and the job goes on there from its checkpoint.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import time

@@ -1,7 +1,5 @@
 """One job after the other, in the process that was called; what they say is shown as if they were called alone."""
 
-from __future__ import annotations
-
 import os
 import sys
 import traceback

@@ -4,8 +4,6 @@ Before its time is over SLURM signals a job: a training takes a checkpoint, and 
 Jobs belong to the cluster: whoever started the sweep may be killed, and the same command finds them where they are.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -4,8 +4,6 @@ The space is written as Hydra writes it: ``interval(0,1)``, ``tag(log,interval(1
 ``choice(a,b)`` or ``a,b``. What was tried is kept in the sweep's folder; the same command goes on where it was killed.
 """
 
-from __future__ import annotations
-
 import subprocess
 import time
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Progress of a sweep's jobs while they run: bars on a terminal, lines in a log, and a table at the end."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import time

@@ -1,7 +1,5 @@
 """One job of a sweep: a command line of its own, run in a process of its own, which writes a log into its folder."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import signal

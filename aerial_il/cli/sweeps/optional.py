@@ -1,7 +1,5 @@
 """Libraries that only some launchers and searches need, and how to get them."""
 
-from __future__ import annotations
-
 from importlib.util import find_spec
 
 from aerial_il.core.errors import InvalidValueError

@@ -1,7 +1,5 @@
 """Run the jobs of a sweep by the launcher that was chosen, and say what became of each."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any

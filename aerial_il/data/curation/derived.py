@@ -4,8 +4,6 @@ It is put together in ``.part/`` and gets its index and folders at the end, so t
 looks like a dataset; ``lineage.json`` says what it was made of and how.
 """
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

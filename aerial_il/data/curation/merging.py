@@ -1,7 +1,5 @@
 """Which datasets can become one: those of one environment, and, unless they are to be mixed, made in one way."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

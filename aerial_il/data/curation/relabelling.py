@@ -1,7 +1,5 @@
 """Give a recorded episode other labels: its steps and pictures stay as they are, and what was said of it is kept."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path

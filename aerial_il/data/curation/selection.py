@@ -1,7 +1,5 @@
 """Choose episodes by a condition on their rows in the table, or on their provenance."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Divide the episodes of a dataset into parts that are alike: as many successes, tags and operators in each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -13,8 +13,6 @@
 Readers raise :class:`DemoError` for what cannot be read, writers :class:`StorageError`.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 from types import ModuleType
 

@@ -7,8 +7,6 @@ with zeros. Nobody says which succeeded: all were meant to be imitated.
 Source: T. Zhao et al., "Learning Fine-Grained Bimanual Manipulation with Low-Cost Hardware", 2023, ``record_episodes``.
 """
 
-from __future__ import annotations
-
 import io
 from functools import partial
 from pathlib import Path

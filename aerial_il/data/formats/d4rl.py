@@ -3,8 +3,6 @@
 Source: J. Fu et al., "D4RL: Datasets for Deep Data-Driven Reinforcement Learning", 2020.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -8,8 +8,6 @@ they are, without JPEG.
 Source: Minari 0.5, ``HDF5Storage`` and ``serialize_space``.
 """
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Collection, Iterable, Iterator

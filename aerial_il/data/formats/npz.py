@@ -1,7 +1,5 @@
 """Transitions as ``.npz``, as ``imitation`` and scripts keep them; names as :mod:`.parts.transitions` lists them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.core.bounded import read_npz

@@ -1,7 +1,5 @@
 """Our recordings: one MCAP file an episode, alone, in a dataset's folder, or in a folder of such folders."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from functools import partial
 from pathlib import Path

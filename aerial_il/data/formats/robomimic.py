@@ -9,8 +9,6 @@ last reward above zero; where that holds for no demonstration, nobody has said, 
 What ``dones`` mean, a success or an end for whatever reason, is not said. ``mask/NAME`` lists parts of the dataset.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial

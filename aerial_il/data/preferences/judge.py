@@ -19,8 +19,6 @@ Source: W. B. Knox et al., "Models of Human Preference for Learning Reward Funct
 segments by regret; A. Rahimi and B. Recht, "Random Features for Large-Scale Kernel Machines", 2007, algorithm 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 

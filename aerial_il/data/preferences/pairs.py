@@ -1,7 +1,5 @@
 """Pairs of segments of flights, and which of the two is preferred."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, get_args

@@ -1,7 +1,5 @@
 """What can be said of an episode alone: how long it stands still, how it jerks, how often it asks for the utmost."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.data.episode import Episode

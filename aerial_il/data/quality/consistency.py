@@ -7,8 +7,6 @@ missed by most is then left out, and all is done once more.
 Source: A. Rahimi and B. Recht, "Random Features for Large-Scale Kernel Machines", 2007, algorithm 1.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Episodes that are the same as another one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -8,8 +8,6 @@ Source: J. Hejna et al., "Robot Data Curation with Mutual Information Estimators
 et al., "Estimating Mutual Information", 2004, equation 8.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read a dataset once, measure each episode, and say which are suspect and why."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """An episode as measures of quality see it: states and actions in units of how much they vary in the dataset."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 The records are those of the `mcap` package; only the hot path is our own: whole chunks of prepared message records.
 """
 
-from __future__ import annotations
-
 import hashlib
 import struct
 import zlib

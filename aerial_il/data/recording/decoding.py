@@ -1,7 +1,5 @@
 """Message records of fixed-size topics and of cameras, taken out of a file and compared with what it says."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """How recordings are written down: steps in columns, and a few messages of them for eyes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import cached_property, lru_cache
 from itertools import count

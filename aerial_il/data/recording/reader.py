@@ -1,7 +1,5 @@
 """Read one episode, trusting nothing: every malformed input is a `DemoError` that names file, topic and step."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping, Sequence

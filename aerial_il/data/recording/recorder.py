@@ -8,8 +8,6 @@ slower than the flight. What a kill takes: of each world the episode that is bei
 its next episode when the last one has its name.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor

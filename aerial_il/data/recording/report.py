@@ -1,7 +1,5 @@
 """Checks of a recording beyond those that the gate makes of all, each naming file, topic, step and field."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NoReturn
 

@@ -20,8 +20,6 @@ the flight is over. ``log_time`` is simulation time.
 
 """
 
-from __future__ import annotations
-
 import json
 from functools import cached_property
 

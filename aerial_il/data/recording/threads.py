@@ -1,7 +1,5 @@
 """Threads that write what others produce, so that nobody waits for a disk."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any

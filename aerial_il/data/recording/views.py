@@ -1,7 +1,5 @@
 """Views of a step for people: standard ROS 2 messages, which repeat what is recorded exactly elsewhere."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Write one episode as one MCAP file, appended to while it is flown."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

@@ -4,8 +4,6 @@ It is at the wire's other end where a PX4 would be, and speaks as PX4 does to th
 It is not PX4: neither its estimator nor its controller nor its mixer, which flies canted rotors that PX4's does not.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

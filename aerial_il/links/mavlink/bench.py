@@ -1,7 +1,5 @@
 """A simulated robot behind the stand-in autopilot, both on threads of this process and joined by real sockets."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 

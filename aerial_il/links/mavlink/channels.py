@@ -3,8 +3,6 @@
 Rotors come first, from 0 to 1; then the arm's joints, from -1 to 1 over their ranges; then the gripper, -1 closed.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

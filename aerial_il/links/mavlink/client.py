@@ -4,8 +4,6 @@ It answers the autopilot's TIMESYNC, which is what the stand-in autopilot waits 
 stand-in; no PX4 and no hardware has been flown with it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

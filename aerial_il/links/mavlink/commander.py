@@ -3,8 +3,6 @@
 Modes, results and masks are MAVLink's and PX4's; where a command is refused, STATUSTEXT says why.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

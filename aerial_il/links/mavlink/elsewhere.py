@@ -4,8 +4,6 @@ Over MAVLink a robot tells nothing of objects: of the observation there are the 
 pose follows from base and joints; tool poses are flown by whole-body control on this side (:mod:`.companion`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

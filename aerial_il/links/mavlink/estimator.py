@@ -9,8 +9,6 @@ error is related to the past one by what it has made of it meanwhile: of a posit
 ``δv + τ R ([f]× δθ + δb)``, to first order in the delay τ.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Our flight controller as the stand-in flies it: at several levels, with rotors of which nothing is measured."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

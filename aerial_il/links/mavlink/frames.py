@@ -3,8 +3,6 @@
 Each swap is its own inverse. Quaternions are (w, x, y, z), world from body.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ has become of the task come from the simulator, as from a motion-capture system 
 between this side and the companion computer aboard, which does whole-body control.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

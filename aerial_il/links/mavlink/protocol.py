@@ -1,7 +1,5 @@
 """Numbers of MAVLink and of PX4 that both ends of a wire use, and the message that carries an arm's encoders."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

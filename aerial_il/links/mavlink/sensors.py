@@ -5,8 +5,6 @@ Magnitudes of the IMU and the magnetometer are those of the ADIS16448 as RotorS 
 capture, what its makers say of rooms of some metres.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

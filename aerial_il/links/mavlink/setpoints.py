@@ -4,8 +4,6 @@ A base's four numbers are those with which an action begins: position and headin
 body rates.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

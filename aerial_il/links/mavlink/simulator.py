@@ -6,8 +6,6 @@ HIL_ACTUATOR_CONTROLS. ``DEBUG_FLOAT_ARRAY`` carries the arm's encoders, see :mo
 No PX4 has been run with it, only the stand-in of :mod:`aerial_il.links.mavlink.autopilot`.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

@@ -1,7 +1,5 @@
 """How a vehicle stands, on the wire: how an autopilot writes it, and how a client reads it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

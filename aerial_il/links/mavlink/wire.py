@@ -1,7 +1,5 @@
 """MAVLink 2 messages over TCP and UDP sockets; pymavlink packs and parses them."""
 
-from __future__ import annotations
-
 import os
 import select
 import socket

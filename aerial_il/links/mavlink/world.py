@@ -4,8 +4,6 @@ The vehicle stands in a cradle where its episode begins, because an arm leaves n
 carry most of its weight release it; disarmed, it is caught within 10 cm of the cradle if it is slow, and held as it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY

@@ -3,8 +3,6 @@
 Named numbers are float64 under their labels. Nothing here needs a simulator, as little as who flies a robot does.
 """
 
-from __future__ import annotations
-
 from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any

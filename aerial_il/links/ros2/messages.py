@@ -1,7 +1,5 @@
 """Fields of observations as standard messages, for people and for the tools of ROS; poses come back as well."""
 
-from __future__ import annotations
-
 from array import array
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What of ROS 2 is used, imported where it is used first, and a node with a thread that serves it."""
 
-from __future__ import annotations
-
 import importlib
 import threading
 from functools import cache

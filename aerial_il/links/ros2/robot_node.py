@@ -3,8 +3,6 @@
 State that belongs together carries one stamp, of the robot's clock. What is named here is relative to the namespace.
 """
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -4,8 +4,6 @@ It needs of a robot the topics ``description``, ``status``, ``observation`` and 
 services of the orders and the parameters of their numbers.
 """
 
-from __future__ import annotations
-
 import atexit
 import json
 import threading

@@ -6,8 +6,6 @@ changes, and after a silence in which the robot hovers, what was sent before is 
 are then, until a message says otherwise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Datasets as frames: one row per episode, or one per control step."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from typing import Any

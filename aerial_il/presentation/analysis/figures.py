@@ -1,7 +1,5 @@
 """The figures of a report as matplotlib figures: success, learning curves, returns, time to success, two policies."""
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Evaluations as frames: one row per flight, and two evaluations side by side."""
 
-from __future__ import annotations
-
 import math
 import os
 

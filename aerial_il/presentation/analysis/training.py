@@ -1,7 +1,5 @@
 """Training runs as frames: one row per run, and what each logged."""
 
-from __future__ import annotations
-
 import os
 import warnings
 from collections.abc import Mapping

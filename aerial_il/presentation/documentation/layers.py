@@ -1,7 +1,5 @@
 """The drawing of the layers and their order, from the contract that ``make check`` enforces."""
 
-from __future__ import annotations
-
 import ast
 import textwrap
 import tomllib

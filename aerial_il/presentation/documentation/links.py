@@ -1,7 +1,5 @@
 """Links between Markdown pages, when the pages move: each keeps leading to the same file."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping

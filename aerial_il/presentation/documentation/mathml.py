@@ -1,7 +1,5 @@
 """A Sphinx extension that writes formulas as MathML Core, which browsers draw without a script, a font or a network."""
 
-from __future__ import annotations
-
 from html import escape
 from typing import Any
 

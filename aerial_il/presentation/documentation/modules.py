@@ -1,7 +1,5 @@
 """The Python reference: what scripts call, and what an extension is made of, from the docstrings of these modules."""
 
-from __future__ import annotations
-
 from aerial_il.presentation.markdown import table
 
 FRONT = "aerial_il"

@@ -1,7 +1,5 @@
 """Build the site: lay out its sources, let Sphinx write them as HTML that loads nothing from elsewhere."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Sources of the site: the repository's own pages and pictures, and pages made from the code."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator, Mapping, Sequence

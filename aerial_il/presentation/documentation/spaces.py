@@ -1,7 +1,5 @@
 """Pages of actions and observations, one per robot, from the specifications that environments and recordings carry."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from aerial_il import robots

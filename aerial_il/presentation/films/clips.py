@@ -3,8 +3,6 @@
 Films are named after their content: made once, used again as long as scene and flight stay the same bit for bit.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """One frame of a flight video: camera views side by side above a strip that says what is seen."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache

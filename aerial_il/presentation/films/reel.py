@@ -1,7 +1,5 @@
 """Flights one after another as one film, MP4: each from a camera that follows it, with trails, arrows and a caption."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

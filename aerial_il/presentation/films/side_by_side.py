@@ -1,7 +1,5 @@
 """Recorded flights side by side in one animated picture, WebP: for pages that play no video."""
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Iterator, Sequence

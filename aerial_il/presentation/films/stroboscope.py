@@ -1,7 +1,5 @@
 """A flight in one picture: several moments of it at once, older ones paler, with the tool's and the base's trails."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

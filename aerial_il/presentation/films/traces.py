@@ -1,7 +1,5 @@
 """Marks in pictures of a recorded flight: where tool and base have been, the wind, the force on the robot."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """MuJoCo's own window: a flight in real time, as it is flown or as it was recorded, until the window is closed."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

@@ -1,7 +1,5 @@
 """A page on which thousands of episodes are looked through: a scatter plot with a brush, a table, marks, edits."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

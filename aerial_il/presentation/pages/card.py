@@ -1,7 +1,5 @@
 """A page about a dataset: what is in it, what it covers, what looks odd, where it came from, how to load it."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping, Sequence

@@ -3,8 +3,6 @@
 Every chart is drawn about as wide as the column it stands in, so that its text is as large as the page's small print.
 """
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence

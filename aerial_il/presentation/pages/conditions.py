@@ -1,7 +1,5 @@
 """One page about policies under conditions: what each disturbance costs, what fails, where, and how it looks."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

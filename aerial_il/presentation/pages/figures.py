@@ -1,7 +1,5 @@
 """The charts of a report, each drawn from an evaluation, a training run or a learning curve."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

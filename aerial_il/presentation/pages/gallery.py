@@ -3,8 +3,6 @@
 Everything is read from the registries. Films lie beside the page, in ``<page>_clips``, and are made only once.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

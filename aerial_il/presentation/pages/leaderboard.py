@@ -1,7 +1,5 @@
 """A page of standings, which opens offline."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pages that open offline: one HTML file each, from a template in ``templates``, in one style for light and dark."""
 
-from __future__ import annotations
-
 import base64
 import math
 import os

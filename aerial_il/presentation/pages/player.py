@@ -1,7 +1,5 @@
 """A page on which one flight is watched: its film, and beside it every trace with a line that moves with the film."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A page on which two segments of flights are watched side by side, and the better one is chosen by a key."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """One HTML file with the result of an evaluation: nothing in it lies outside it, so it opens offline."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The charts of a training run, and of several runs that differ in seed or settings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np

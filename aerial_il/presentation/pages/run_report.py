@@ -1,7 +1,5 @@
 """One HTML file about a training run, or about several that differ in seed or settings; it opens offline."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

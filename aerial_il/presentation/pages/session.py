@@ -1,7 +1,5 @@
 """A page about a folder that people fly into: its episodes with pictures, their length and smoothness, by operator."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A page per task: what success means, what is observed, how the expert does it, which robots can."""
 
-from __future__ import annotations
-
 import inspect
 import os
 from pathlib import Path

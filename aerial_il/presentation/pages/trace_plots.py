@@ -1,7 +1,5 @@
 """The traces of one flight that people read beside its film, for whatever robot, task and action level it was."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The viewer's layout: which views there are and where."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import rerun.blueprint as rrb

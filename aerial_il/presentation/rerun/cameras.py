@@ -1,7 +1,5 @@
 """Recorded pictures, each in the frustum of the camera that took it."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import rerun as rr

@@ -1,7 +1,5 @@
 """Two flights on one timeline: the second one's time is stretched until its milestones fall on the first one's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The geoms of a compiled scene as rerun draws them, logged once, each in the frame of its body."""
 
-from __future__ import annotations
-
 import re
 
 import mujoco

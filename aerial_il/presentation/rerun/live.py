@@ -1,7 +1,5 @@
 """The first of many worlds in rerun while it flies; worlds that nobody watches are simulated by the plain class."""
 
-from __future__ import annotations
-
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb

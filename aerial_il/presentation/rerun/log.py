@@ -1,7 +1,5 @@
 """Where things are logged: below an entity of a stream, at the times of a flight."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Kinematics of every recorded state, by MuJoCo: poses of all bodies, cameras and sites, and the forces that act."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Colours, the same in the scene and in the plots."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 Colour = tuple[int, int, int]

@@ -1,7 +1,5 @@
 """The program ``rerun``: its window, its page in the browser, and its tools for files."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys

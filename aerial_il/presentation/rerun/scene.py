@@ -1,7 +1,5 @@
 """The scene in motion: moving bodies, trails, the command, and forces as arrows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -1,7 +1,5 @@
 """A picture of rerun's viewer without a screen: its page in a browser that has no window, drawn by the processor."""
 
-from __future__ import annotations
-
 import asyncio
 import io
 from pathlib import Path

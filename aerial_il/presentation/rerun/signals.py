@@ -1,7 +1,5 @@
 """Everything recorded that is no picture, as curves, and what is one of a few things as lanes of states."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ That gives soft shadows from lamps of some size and from the sky, smooth edges, 
 front of a camera's shutter.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

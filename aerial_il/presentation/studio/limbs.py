@@ -1,7 +1,5 @@
 """An arm's shape: tubes between housings that lie along the joints' axes; and a gripper's."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import mujoco

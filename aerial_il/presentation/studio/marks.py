@@ -1,7 +1,5 @@
 """Marks in a picture: trails of where something was, arrows for wind and force, ghosts of earlier moments."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Propellers that turn as fast as their thrust asks for, drawn where they are while a shutter is open."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """Props whose parts are flat or straight for the sake of contacts, drawn as round as they are meant."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

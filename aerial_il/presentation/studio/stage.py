@@ -3,8 +3,6 @@
 States of the scene are states of its copy: bodies, joints and actuators are the same, only what is drawn differs.
 """
 
-from __future__ import annotations
-
 import mujoco
 
 from aerial_il.core.errors import AerialError

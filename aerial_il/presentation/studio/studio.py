@@ -1,7 +1,5 @@
 """The studio: states of a scene drawn for people, with shadows, smooth edges and turning propellers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

@@ -1,7 +1,5 @@
 """A multirotor's shape: plates and canopy, booms, motors, propellers, the housings of its cameras."""
 
-from __future__ import annotations
-
 from itertools import count
 
 import mujoco

@@ -1,7 +1,5 @@
 """Puts shapes on the bodies of a scene's copy, for eyes alone: without mass, without contact."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import mujoco

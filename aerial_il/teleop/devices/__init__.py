@@ -4,8 +4,6 @@ A module says the names of its ``CONTROLS``; one of a device that no browser rea
 are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`aerial_il.core.contracts.Device`.
 """
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from collections.abc import Mapping

@@ -3,8 +3,6 @@
 It sees what the page gets, see :mod:`aerial_il.teleop.driver`; whoever ticks the cockpit shows it the status.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from aerial_il.core.seeding import named_rng

@@ -4,8 +4,6 @@ Sticks are axes of the frame, with y down as the API has it; so are the triggers
 ``right_trigger``.
 """
 
-from __future__ import annotations
-
 BUTTONS = (
     *("A", "B", "X", "Y", "LB", "RB", "LT", "RT", "Back", "Start", "L3", "R3"),
     *("Up", "Down", "Left", "Right", "Home"),

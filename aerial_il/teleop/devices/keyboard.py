@@ -1,7 +1,5 @@
 """A keyboard, by the places of its keys (``KeyboardEvent.code``), so that W A S D lie together on every layout."""
 
-from __future__ import annotations
-
 from string import ascii_uppercase
 
 LETTERS = tuple(f"Key{letter}" for letter in ascii_uppercase)

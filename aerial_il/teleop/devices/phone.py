@@ -10,8 +10,6 @@ Ahead is where the phone points when its clutch is closed: its top edge if it li
 the clutch, moving the hand back and closing it again centres it anew, however far the vehicle is to go.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The input log of a session, given again tick by tick."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A script that flies as a person would, through the same frames: for tests, drivers and studies."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from itertools import count
 

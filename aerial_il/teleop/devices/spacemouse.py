@@ -12,8 +12,6 @@ hand about them. Here x is ahead, y left, z up, so each is the negative of one o
 Products: github.com/JakubAndrysek/PySpaceMouse (devices.toml) and github.com/FreeSpacenav/spacenavd.
 """
 
-from __future__ import annotations
-
 import os
 import select
 import struct

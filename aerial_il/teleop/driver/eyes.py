@@ -1,7 +1,5 @@
 """What a person makes of the page: its numbers, a reaction time late, and not quite right."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence

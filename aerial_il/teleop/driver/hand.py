@@ -1,7 +1,5 @@
 """A hand on two sticks: what a person wants as positions of sticks, with tremor, and stops between two movements."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

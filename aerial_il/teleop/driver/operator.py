@@ -1,7 +1,5 @@
 """The model of a driver as the person whom an interactive algorithm learns from: no page, faster than real time."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What a person wants to do next, task by task: a file of :mod:`aerial_il.teleop.driver.plans` each."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from dataclasses import dataclass

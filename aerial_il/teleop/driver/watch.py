@@ -1,7 +1,5 @@
 """When a person who watches a policy takes over, and when they let it have its way again."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Devices that no browser reads: a thread of the server asks each, notices when it is gone, and looks for it again."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Mapping

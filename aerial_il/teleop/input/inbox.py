@@ -5,8 +5,6 @@ all that the flight sees and all that is logged, so that a log replays whatever 
 man's switch of every device: while nobody is at it, none of them moves anything.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping

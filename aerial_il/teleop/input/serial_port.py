@@ -1,7 +1,5 @@
 """A serial line without a library of its own: eight bits, no parity, no handshake, at a given rate (POSIX)."""
 
-from __future__ import annotations
-
 import os
 import select
 import termios

@@ -7,8 +7,6 @@ stuffed after each FF FF FD (emanual.robotis.com/docs/en/dxl/protocol2). Sync re
 a packet of its own. Registers: doc.feetech.cn (SMS/STS memory table), emanual.robotis.com (X series).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Protocol

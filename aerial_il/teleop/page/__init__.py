@@ -1,7 +1,5 @@
 """The page to fly on, as files that a browser reads as they are: no build, nothing from elsewhere."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 PAGE = Path(__file__).parent

@@ -7,8 +7,6 @@ ticks. When nobody is at the controls, nobody watches: the vehicle hovers until 
 What is commanded follows from the device's frames, the observations and the policy's actions, never from a clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """What keeps a beginner's flight whole: a soft fence, a cap on tilt, and a dead man's switch, all counted in ticks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

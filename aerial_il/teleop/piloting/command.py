@@ -1,7 +1,5 @@
 """What a person commands at one tick, in SI units, and the modes in which sticks mean different things."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A pose that is followed while a clutch is closed: how far a hand has moved becomes speeds, without a jump."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -4,8 +4,6 @@ What it commands follows from the frames and from what the vehicle shows, never 
 given again, is the same flight to the last bit.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

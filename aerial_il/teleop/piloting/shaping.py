@@ -1,7 +1,5 @@
 """From sticks and keys to smooth motions in [-1, 1]: dead zone, expo, ramps and limits of acceleration, in ticks."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

@@ -4,8 +4,6 @@ Targets stay within reach of what the vehicle does (the leash), so that a stick 
 nothing up; seated at the current pose they take over without a jerk.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Protocol

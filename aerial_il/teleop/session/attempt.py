@@ -1,7 +1,5 @@
 """How one flight gets on: what is solved and lost, for how long success has held, and its states to look back at."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.suite.batch import BatchEnvironment, StepResult

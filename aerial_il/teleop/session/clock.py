@@ -1,7 +1,5 @@
 """Ticks on absolute deadlines: late ones are counted, and made up for; none is left out."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from dataclasses import dataclass

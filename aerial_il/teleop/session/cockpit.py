@@ -3,8 +3,6 @@
 No clock, no thread and no network here: what happens follows from the frames.
 """
 
-from __future__ import annotations
-
 import logging
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The controls of one environment: a person's hands, the policy that they take over from, and disturbances."""
 
-from __future__ import annotations
-
 from aerial_il.core.contracts import BatchEnv, Policy, SeededPolicy, attach
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite.batch import BatchEnvironment, StepResult

@@ -1,7 +1,5 @@
 """The episodes of a session on disk: a file for each take, discarded ones in the trash, counted by what is there."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from concurrent.futures import Future

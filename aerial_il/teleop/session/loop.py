@@ -1,7 +1,5 @@
 """The flight in real time: a thread that ticks a cockpit fifty times a second and shows what comes of it."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Callable

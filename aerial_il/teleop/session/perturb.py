@@ -4,8 +4,6 @@ They happen at a tick, like everything that the frames of a device ask for, and 
 ``/perturbation``, so that a replay of the actions and one of the log both meet them again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection
 from dataclasses import dataclass

@@ -22,8 +22,6 @@ other (3,)                            length of the vector
 Others have no reading. The tool's own come last: height, where it points, opening of the gripper.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

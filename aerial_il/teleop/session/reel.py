@@ -1,7 +1,5 @@
 """The states of an episode, kept to be looked at again: all of a short one, evenly spaced ones of a long one."""
 
-from __future__ import annotations
-
 import numpy as np
 
 MOST_STATES = 600  # one and a half megabytes or so

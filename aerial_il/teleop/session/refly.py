@@ -1,7 +1,5 @@
 """Fly the input log of a recording again, and require the same actions and states to the last bit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

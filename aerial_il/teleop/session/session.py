@@ -1,7 +1,5 @@
 """A recording session as a table: which event leads from which state to which; everything else leaves it alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import StrEnum
 

@@ -1,7 +1,5 @@
 """What a person is shown of a session."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

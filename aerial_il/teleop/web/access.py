@@ -1,7 +1,5 @@
 """Who may come in: who knows the token, calls this machine by its own name, and comes from the page itself."""
 
-from __future__ import annotations
-
 import hmac
 import secrets
 import socket

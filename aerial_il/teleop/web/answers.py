@@ -1,7 +1,5 @@
 """What the server answers with: files of the page, documents, refusals, all with the same strict headers; pictures."""
 
-from __future__ import annotations
-
 import struct
 
 from aiohttp import web

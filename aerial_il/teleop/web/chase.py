@@ -3,8 +3,6 @@
 One picture gives no depth: a plumb line from the tool to the ground shows what it is above.
 """
 
-from __future__ import annotations
-
 import math
 
 import mujoco

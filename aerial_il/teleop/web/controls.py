@@ -4,8 +4,6 @@ A device's own file, ``controls/keyboard.yaml`` by default, is read instead of t
 is that of ``conf/device/keyboard.yaml``; the mapping that an episode is flown with is in its provenance.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any

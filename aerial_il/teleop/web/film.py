@@ -1,7 +1,5 @@
 """Pictures of the flight, made by a thread of its own from copies of the state: late ones are dropped, never ticks."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Closes connections that have shown no token in time, and the oldest of them where there are too many."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 

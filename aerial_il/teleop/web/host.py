@@ -1,7 +1,5 @@
 """The page with all that serves it, on threads of its own, while something else flies."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Callable, Mapping

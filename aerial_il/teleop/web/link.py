@@ -1,7 +1,5 @@
 """An estimate of the bandwidth to a page, by how long pictures take to be shown; slow links get smaller pictures."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

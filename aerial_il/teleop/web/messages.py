@@ -1,7 +1,5 @@
 """Messages from a page to the server: small JSON objects, checked before they are used."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """The page to fly on, for this machine alone and with a token: pictures go out, frames of devices come in."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import ssl

@@ -3,8 +3,6 @@
 Browsers hand out a phone's sensors and poses to secure pages only, and a token must not cross a network in the clear.
 """
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 import ssl

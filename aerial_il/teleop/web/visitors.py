@@ -1,7 +1,5 @@
 """Visitors of the page: one has the controls, the others watch; control passes only on request."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections import Counter

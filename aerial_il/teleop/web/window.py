@@ -1,7 +1,5 @@
 """A window of its own for the page: a browser without tabs and address bar, whose keys belong to the flight alone."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 from collections.abc import Sequence

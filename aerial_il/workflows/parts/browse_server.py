@@ -1,7 +1,5 @@
 """Serves the page that browses a dataset."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Training on flights by hand: what of it differs from training on a script's, and the line that says so."""
 
-from __future__ import annotations
-
 import logging
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """Demonstrations for the commands that learn from them."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """The settings of an earlier training, for one that is to be like it; its folder may be anybody's."""
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ A specification may come out of somebody's file, so that what it says never impo
 may name a module (see :mod:`aerial_il.suite.outside`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Serves a page to this machine alone, and to who knows its token: what pages that edit or judge have in common."""
 
-from __future__ import annotations
-
 import hmac
 import json
 import secrets

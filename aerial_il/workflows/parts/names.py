@@ -1,7 +1,5 @@
 """Types of settings that stand for something by name, and limits that settings share."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from aerial_il.core.errors import InvalidValueError

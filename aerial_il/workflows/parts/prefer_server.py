@@ -1,7 +1,5 @@
 """Serves the page on which a person says which of two segments is the better one."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

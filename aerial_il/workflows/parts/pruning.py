@@ -1,7 +1,5 @@
 """Put away a training run that nobody wants any more; nothing but a run, and none that is being trained."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil

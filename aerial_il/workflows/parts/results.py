@@ -1,7 +1,5 @@
 """Output of an evaluation: numbers, films, a page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The summary of a folder that people fly into, with the commands that go on from it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.core.files import write_atomic

@@ -1,7 +1,5 @@
 """Parts of a range of seeds, each a job that records into the same folder."""
 
-from __future__ import annotations
-
 FOLDER = ".shards"  # below the dataset: logs of the jobs that recorded it
 
 Shard = tuple[tuple[str, ...], str]

@@ -1,7 +1,5 @@
 """Code of the user's own, named on the command line as ``module:factory``: only what is typed may name code."""
 
-from __future__ import annotations
-
 import importlib
 import os
 import re

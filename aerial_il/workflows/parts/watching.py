@@ -1,7 +1,5 @@
 """``rerun=true``: the first world of what flies now is shown in rerun."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The smallest complete example of each kind: what ``aerial-il new`` writes, and what the pages show."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from string import Template
 

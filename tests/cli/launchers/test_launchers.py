@@ -1,7 +1,5 @@
 """Every launcher there is gives the same table and the same weights, killed and continued or not."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

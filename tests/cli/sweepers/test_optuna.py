@@ -1,7 +1,5 @@
 """A search: its space as Hydra writes it, trials that are stopped early, and the same trials after a kill."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

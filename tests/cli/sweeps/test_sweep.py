@@ -1,7 +1,5 @@
 """Sweeps: what becomes of their jobs, whichever of them fails, is killed, or is done by somebody else already."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

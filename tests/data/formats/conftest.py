@@ -1,7 +1,5 @@
 """No test of a format asks the network."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import pytest

@@ -1,7 +1,5 @@
 """Small files as other tools record them, written as their own scripts do; each test says what is odd about its own."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

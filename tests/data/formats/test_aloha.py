@@ -1,7 +1,5 @@
 """ALOHA's HDF5 files open with every value, train, and are checked like all others."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

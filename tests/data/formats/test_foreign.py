@@ -1,7 +1,5 @@
 """What others recorded opens, trains with the shipped defaults and is evaluated where an environment is named."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

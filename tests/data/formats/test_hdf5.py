@@ -1,7 +1,5 @@
 """robomimic files keep everything that was recorded, foreign ones open, and none reaches outside itself."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

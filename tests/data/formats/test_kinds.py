@@ -1,7 +1,5 @@
 """What others' files are misread for: each kind of oddity has its right reading, or a word and a count."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

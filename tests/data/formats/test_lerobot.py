@@ -1,7 +1,5 @@
 """The LeRobot form holds what was recorded, lerobot itself opens and trains on it, and an incomplete one is refused."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

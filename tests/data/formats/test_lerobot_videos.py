@@ -1,7 +1,5 @@
 """Videos of LeRobot's datasets, and what lerobot's own tools make of ours: it opens, and it trains."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

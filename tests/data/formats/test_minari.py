@@ -1,7 +1,5 @@
 """Minari's folders open and train, ours are datasets to Minari; nothing is imported or followed outside."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """200 files of others with one thing wrong: each is refused, or says what is wrong, or reads as if nothing were."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any

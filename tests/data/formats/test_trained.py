@@ -1,7 +1,5 @@
 """What others record trains from the command line as it is: pictures under any name, several cameras, real rates."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files of preferences: what was said stays after a kill, and what is damaged or somebody else's is answered."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """The scripted judge prefers good actions, not late states; tricks that fool a sum of rewards do not fool it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Pairs of segments are drawn alike from all episodes that are long enough."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

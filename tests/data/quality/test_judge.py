@@ -1,7 +1,5 @@
 """Bad demonstrations among good ones are found, whatever their units, and good ones are left alone."""
 
-from __future__ import annotations
-
 import shlex
 from contextlib import closing
 from dataclasses import replace

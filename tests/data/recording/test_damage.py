@@ -1,7 +1,5 @@
 """Whatever a file has become, reading it gives the identical episode or a typed error: no crash, no silent pass."""
 
-from __future__ import annotations
-
 import json
 import resource
 import struct

@@ -1,7 +1,5 @@
 """Recordings: packed, written and read back field by field."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Headline claims: each finds its figure, and a false one is told from a true one."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Targets are judged, reports become studies with tables and figures that can be read."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path

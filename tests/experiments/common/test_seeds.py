@@ -1,7 +1,5 @@
 """Headline seeds are reserved: nothing is tuned on them, and nothing else is judged."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -1,7 +1,5 @@
 """Stages are kept by name and settings; demonstrations are as many as wanted; a training's time is told."""
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Iterable, Mapping, Sequence

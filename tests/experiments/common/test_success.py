@@ -1,7 +1,5 @@
 """The learning curve, in a tiny setting: a point for each size, each trained on draws of its own."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What practice brought is told round by round and seed by seed, and no dip below the prior is missed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

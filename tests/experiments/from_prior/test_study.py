@@ -1,7 +1,5 @@
 """The study of learning from a prior: a small one runs beside its controls, once, and its targets can be missed."""
 
-from __future__ import annotations
-
 from dataclasses import fields, replace
 from typing import Any
 

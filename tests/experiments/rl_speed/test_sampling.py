@@ -1,7 +1,5 @@
 """The sampler tells which part of the code the time went to, compiled code included."""
 
-from __future__ import annotations
-
 import time
 from types import FrameType
 

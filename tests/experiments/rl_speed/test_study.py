@@ -1,7 +1,5 @@
 """The speed benchmark of reinforcement learning trains all online algorithms as they ship and tells where time goes."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

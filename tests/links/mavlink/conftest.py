@@ -1,7 +1,5 @@
 """A robot behind the stand-in autopilot, in lockstep; skipped where pymavlink is missing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 

@@ -1,7 +1,5 @@
 """Each end alone, against one that is played by the test: clocks, ports, frames and refusals."""
 
-from __future__ import annotations
-
 import socket
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Sensors show what physics says, the same for the same seed; the estimator finds the vehicle from them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A robot behind an autopilot is a link like any other: scripts and policies fly it, here and from another process."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

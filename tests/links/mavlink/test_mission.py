@@ -1,7 +1,5 @@
 """Whole missions over real sockets: simulator, stand-in autopilot, offboard client. Never with a PX4."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

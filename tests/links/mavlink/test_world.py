@@ -1,7 +1,5 @@
 """The world behind the simulator: the suite's own physics, whoever commands the rotors at its rate."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.links.mavlink.channels import CHANNELS

@@ -1,7 +1,5 @@
 """Robots in processes of their own, on a domain that no other test is on."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

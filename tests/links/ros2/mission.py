@@ -3,8 +3,6 @@
 The robot is `ua_quad_arm4` in `pick_place`, on a namespace. python -m tests.links.ros2.mission --missions 20
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 import sys

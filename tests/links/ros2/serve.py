@@ -1,7 +1,5 @@
 """A simulated robot on ROS 2, until it is ended: serve.py ROBOT TASK NAMESPACE SPEED [CAMERA ...]."""
 
-from __future__ import annotations
-
 import signal
 import sys
 import threading

@@ -1,7 +1,5 @@
 """Whoever flies a robot, until it is killed: velocities without an end. python -m tests.links.ros2.stream NAMESPACE."""
 
-from __future__ import annotations
-
 import sys
 import time
 

@@ -1,7 +1,5 @@
 """Fields as messages and back: no node and no middleware is needed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """A robot in one process, and whoever flies it in another."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

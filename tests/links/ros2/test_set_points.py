@@ -1,7 +1,5 @@
 """Set points that are put together from messages about parts; needs no ROS."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Where ROS 2 is not installed."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The figures show the numbers of their files, and say what they lack."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 

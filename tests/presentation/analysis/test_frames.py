@@ -1,7 +1,5 @@
 """Frames tell what the files of real runs, evaluations and recordings hold, and name what they cannot read."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

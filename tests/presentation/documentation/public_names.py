@@ -1,7 +1,5 @@
 """The names that the Python reference is to hold."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 

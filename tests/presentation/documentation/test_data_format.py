@@ -1,7 +1,5 @@
 """The specification of the data format says what the code writes, and so does the package for ROS 2."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET

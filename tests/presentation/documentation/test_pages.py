@@ -1,7 +1,5 @@
 """Pages that are built: links lead to the same files, formulas become MathML, and the reference is whole."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from xml.etree import ElementTree as ET

@@ -1,7 +1,5 @@
 """The whole site: it builds without a warning, every link arrives, nothing is loaded from elsewhere, search finds."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

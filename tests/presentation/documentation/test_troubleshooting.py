@@ -1,7 +1,5 @@
 """Each finding of ``aerial-il doctor`` is explained, and it says what is wrong where something is."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A film lasts as long as it was asked to, and divides the time so that long flights get what short ones leave."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

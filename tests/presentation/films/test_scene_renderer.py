@@ -1,7 +1,5 @@
 """Pictures for people hold what they are of, whatever its size."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Flights side by side become one animation that passes in real time and ends in what became of them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

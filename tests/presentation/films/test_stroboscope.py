@@ -1,7 +1,5 @@
 """Trails and arrows are where the flight was and what acted on it, and a still shows several moments of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Films show the very episode that was judged, in a form that browsers play, or say why there are none."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 

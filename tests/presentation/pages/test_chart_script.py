@@ -1,7 +1,5 @@
 """A real browser: charts tell the value under the cursor, zoom into what is dragged over, and obey the keyboard."""
 
-from __future__ import annotations
-
 import html
 import json
 import re

@@ -1,7 +1,5 @@
 """Charts are well-formed, put data where it belongs, and escape what they are told."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree
 
 import pytest

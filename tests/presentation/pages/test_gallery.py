@@ -1,7 +1,5 @@
 """The gallery shows whatever is registered, makes each film once, and is a page that needs nothing else."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

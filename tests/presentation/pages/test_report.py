@@ -1,7 +1,5 @@
 """The report is one well-formed file that needs nothing else, tells the numbers and hides no failure."""
 
-from __future__ import annotations
-
 import json
 import re
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Every robot and every task has a page that says what it is, and the pages in docs/ are those of the code."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

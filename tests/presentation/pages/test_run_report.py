@@ -1,7 +1,5 @@
 """The page of a run, and that of several, tell what the runs did and hide no seed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The summary of a folder that people fly into, read back from its page."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Real flights of the expert, recorded once, and how a file of rerun's is read back."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

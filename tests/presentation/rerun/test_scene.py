@@ -1,7 +1,5 @@
 """What rerun is told of a scene is what MuJoCo says of the recorded states."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What rerun shows: curves and lanes of a flight, two flights on one timeline, and a flight as it happens."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

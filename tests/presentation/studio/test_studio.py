@@ -1,7 +1,5 @@
 """The studio changes how a state looks to people, and nothing of what happens; its solids are closed."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import mujoco

@@ -1,7 +1,5 @@
 """The contract of all devices, found by being there: what each needs to be one, and what happens when it is gone."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from threading import Event

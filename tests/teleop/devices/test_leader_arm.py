@@ -1,7 +1,5 @@
 """A leader arm at the other end of a serial line: what its servos say in packets is what the joints take."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

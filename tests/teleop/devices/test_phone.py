@@ -1,7 +1,5 @@
 """A phone in the hand: its poses by WebXR and by its sensor, its clutch, and a vehicle that follows without a jump."""
 
-from __future__ import annotations
-
 import json
 import math
 

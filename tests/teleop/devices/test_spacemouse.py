@@ -1,7 +1,5 @@
 """A SpaceMouse by its bytes: those of real ones mean what their descriptors say, nonsense means nothing."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The model of a driver: it does the task through the sticks alone, sees no more than the page is told, and late."""
 
-from __future__ import annotations
-
 import ast
 from dataclasses import replace
 from pathlib import Path

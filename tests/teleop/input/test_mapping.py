@@ -1,7 +1,5 @@
 """Frames keep every bit; keys and sticks mean what the tables say; misspellings are told by name."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Packets of servos: those of the manuals byte for byte, and no answer from what a bad line makes of them."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """The page in a real browser: real keys, a mocked gamepad, a real dataset."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The page in a real browser: tutorial, review, keys of one's own, and taking over from a policy."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Letters can be read on every background of every page, light and dark: WCAG AA, by computation."""
 
-from __future__ import annotations
-
 import re
 
 import pytest

@@ -1,7 +1,5 @@
 """Taking over from a policy in a real flight: who flew is recorded as it was, and nobody's command jumps."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A person's hands on real vehicles hover, move and stop, shaped smoothly, and replay bit for bit."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sessions on a real environment and a real disk: recorded, reviewed, kept, discarded, brought back, flown again."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

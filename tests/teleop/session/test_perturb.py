@@ -1,7 +1,5 @@
 """Gusts, pushes and slips at a person's word: they move the vehicle, and come again, to the bit, in both replays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Numbers to fly by: every task has some, they say what the observation says, and they point where the sticks do."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

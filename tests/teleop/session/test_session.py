@@ -1,7 +1,5 @@
 """The session's table: every way through it ends and nothing is kept without a word; the reel is bounded."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the page is sent and sends: pictures by the link, in a window of its own, and a person's own keys."""
 
-from __future__ import annotations
-
 import threading
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The page as an attacker meets it: other names for this machine, other pages, many and slow connections, secrets."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import ssl

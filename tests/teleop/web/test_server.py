@@ -1,7 +1,5 @@
 """Who may fly, and what the server believes: spoken to as a hostile or clumsy client would."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import struct

@@ -7,8 +7,6 @@ Source: S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning an
 online learning", AISTATS 2011: algorithm 3.1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

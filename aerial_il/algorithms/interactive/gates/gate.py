@@ -1,7 +1,5 @@
 """The base class of a gate's settings, and the inputs that a gate of one round is built from."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Source: M. Kelly et al., "HG-DAgger: interactive imitation learning with human experts", ICRA 2019: algorithm 1.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar, Protocol
 

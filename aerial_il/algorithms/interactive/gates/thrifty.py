@@ -6,8 +6,6 @@ Sources:
     CoRL 2021: section 4 (novelty, risk, switching back, thresholds from quantiles).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

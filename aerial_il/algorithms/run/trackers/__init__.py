@@ -6,8 +6,6 @@ Which of them is said once, around a training run, since no weight depends on it
         algorithm.train(...)
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """MLflow: one run there each time the run is opened; in ``mlruns/`` of the run's folder unless configured otherwise."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 import os

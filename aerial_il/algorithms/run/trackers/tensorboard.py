@@ -1,7 +1,5 @@
 """TensorBoard: event files in the run's folder."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Mapping

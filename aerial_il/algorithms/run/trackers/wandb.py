@@ -1,7 +1,5 @@
 """Weights & Biases: one run there each time the run is opened; ``WANDB_MODE=offline`` stays on this machine."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Mapping
 from pathlib import Path

@@ -7,8 +7,6 @@ Example: aerial-il browse datasets/pick
 Example: aerial-il browse datasets/pick out=pick.html
 """
 
-from __future__ import annotations
-
 from aerial_il.cli.greeting import greeting
 from aerial_il.workflows.browse import Browse, browse
 

@@ -8,8 +8,6 @@ Example: aerial-il card datasets/pick out=pick.html films=0
 Example: aerial-il card datasets/pick readme=README.md license=cc-by-4.0
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.card import Card, card
 
 SETTINGS, BARE = Card, ("path",)

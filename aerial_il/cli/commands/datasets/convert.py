@@ -12,8 +12,6 @@ Example: aerial-il convert datasets/pick format=minari out=pick-v0
 Example: aerial-il convert datasets/pick format=mcap
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.convert import Convert, convert
 
 SETTINGS, BARE = Convert, ("path",)

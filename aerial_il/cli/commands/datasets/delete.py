@@ -6,8 +6,6 @@ command goes on. Episodes in the trash/ of a dataset count nowhere; remove the f
 Example: aerial-il delete datasets/pick where="not success and steps < 20"
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.edit import Delete, delete
 from aerial_il.workflows.spelling import command_line
 

@@ -8,8 +8,6 @@ Example: aerial-il filter datasets/pick where="success and seconds < 12 and oper
 Example: aerial-il filter datasets/pick where="settings['noise'] > 0.1 or phase in ['grasp', 'lift']" out=datasets/hard
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.derive import Filter, filter
 
 SETTINGS, BARE = Filter, ("dataset",)

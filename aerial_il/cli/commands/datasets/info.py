@@ -4,8 +4,6 @@ Example: aerial-il info datasets/pick
 Example: aerial-il info datasets/pick where="not success and phase == 'grasp'"
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

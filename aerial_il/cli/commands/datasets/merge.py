@@ -8,8 +8,6 @@ Example: aerial-il merge datasets=[datasets/monday,datasets/tuesday] out=dataset
 Example: aerial-il merge datasets/monday datasets/tuesday out=datasets/week mix=true
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.derive import Merge, merge
 
 SETTINGS, BARE = Merge, ("datasets",)

@@ -9,8 +9,6 @@ Example: aerial-il prefer datasets/mixed by=hand out=mine.jsonl
 Example: aerial-il train dataset=datasets/mixed algorithm=cpl algorithm.preferences=mixed.jsonl run=runs/preferred
 """
 
-from __future__ import annotations
-
 from aerial_il.cli.greeting import greeting
 from aerial_il.workflows.prefer import Prefer, prefer
 from aerial_il.workflows.spelling import command_line, path

@@ -7,8 +7,6 @@ Example: aerial-il publish datasets/pick out=hub/pick license=cc-by-4.0
 Example: aerial-il publish datasets/pick out=hub/pick license=cc-by-4.0 repo=ana/pick
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.publish import Publish, publish
 
 SETTINGS, BARE = Publish, ("dataset",)

@@ -6,8 +6,6 @@ file is left where it is and saved beside itself.
 Example: aerial-il recover datasets/pick
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.recover import Recover, recover
 
 SETTINGS, BARE = Recover, ("path",)

@@ -8,8 +8,6 @@ Example: aerial-il relabel datasets/pick where="operator == 'anna'" operator=ana
 Example: aerial-il relabel datasets/pick where="return < 50" tag=slow
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.edit import Relabel, relabel
 from aerial_il.workflows.spelling import command_line
 

@@ -4,8 +4,6 @@ Example: aerial-il replay datasets/pick
 Example: aerial-il replay datasets/pick/demos/EPISODE.mcap starts=[0,100,200]
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.replay import Replay, replay
 
 SETTINGS, BARE = Replay, ("path",)

@@ -10,8 +10,6 @@ Example: aerial-il segment datasets/one cuts=[phases]
 Example: aerial-il segment datasets/one cuts=[found]
 """
 
-from __future__ import annotations
-
 from aerial_il.cli.greeting import greeting
 from aerial_il.workflows.segment import Segmentation, segment
 

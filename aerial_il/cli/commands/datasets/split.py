@@ -7,8 +7,6 @@ Example: aerial-il split datasets/pick out=datasets/pick_split
 Example: aerial-il split datasets/pick parts=[train=0.7,validation=0.2,test=0.1] out=datasets/pick_split seed=3
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.derive import Split, split
 
 SETTINGS, BARE = Split, ("dataset",)

@@ -3,8 +3,6 @@
 Example: aerial-il undo datasets/pick
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.edit import Undo, undo
 
 SETTINGS, BARE = Undo, ("dataset",)

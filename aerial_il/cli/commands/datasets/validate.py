@@ -6,8 +6,6 @@ Example: aerial-il validate datasets/pick
 Example: aerial-il validate datasets/pick replay=true
 """
 
-from __future__ import annotations
-
 from aerial_il.core.errors import DemoError
 from aerial_il.workflows.spelling import command_line
 from aerial_il.workflows.validate import Validate, validate

@@ -12,8 +12,6 @@ Example: aerial-il collect task=pick_place episodes=100000 launcher=processes ou
 Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.collect import Collect, collect, shards
 from aerial_il.workflows.spelling import command_line, path
 

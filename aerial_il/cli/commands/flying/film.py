@@ -10,8 +10,6 @@ Example: aerial-il film out=film.mp4 size=[1080,1920]
 Example: aerial-il film flights=[quad/hover,ua_quad_arm4/reach/gusts] abreast=2 out=two.webp
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.film import Film, film
 
 SETTINGS = Film

@@ -10,8 +10,6 @@ Example: aerial-il fly policy=runs/pick_bc latency.observation_delay_ms=60 execu
 Example: aerial-il fly policy=exported/pick link=ros2 out=datasets/ros
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.fly import Flown, Fly, fly
 
 SETTINGS, OUTPUT = Fly, "out"

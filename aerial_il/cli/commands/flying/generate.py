@@ -9,8 +9,6 @@ Example: aerial-il generate dataset=datasets/pick robot=ua_quad_arm4 episodes=10
 Example: aerial-il generate dataset=datasets/pick episodes=20000 launcher=processes out=datasets/large
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.generate import Generate, generate, shards
 from aerial_il.workflows.spelling import command_line, path
 

@@ -8,8 +8,6 @@ Example: aerial-il inspect datasets/pick runs/pick episode=3 save=compared.rrd
 Example: aerial-il inspect datasets/pick episode=0 policy=runs/pick screenshot=chunks.png at=0.5
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.workflows.inspect import Inspect, inspect

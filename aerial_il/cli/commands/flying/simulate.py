@@ -7,8 +7,6 @@ Example: aerial-il simulate link=ros2 robot=ua_quad_arm4 task=pick_place
 Example: aerial-il simulate link=mavlink robot=big_four_z1 task=reach tier=gusts
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.simulate import Simulate, simulate
 
 SETTINGS = Simulate

@@ -10,8 +10,6 @@ Example: aerial-il teleop policy=runs/pick out=datasets/pick_rescued
 Example: aerial-il teleop devices=[keyboard,spacemouse] out=datasets/by_mouse
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.spelling import command_line, path
 from aerial_il.workflows.teleop import Teleop, teleop
 

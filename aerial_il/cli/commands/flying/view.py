@@ -9,8 +9,6 @@ Example: aerial-il view recording=datasets/pick seed=3 viewer=rerun
 Example: aerial-il view recording=datasets/pick seed=3 out=flight.png size=[1080,1920]
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.view import View, view
 
 SETTINGS, run = View, view

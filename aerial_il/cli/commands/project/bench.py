@@ -9,8 +9,6 @@ Example: aerial-il bench speed bench.robots=[ua_quad_arm4] save=true
 Example: aerial-il bench quick=true
 """
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import dataclass
 from importlib import import_module

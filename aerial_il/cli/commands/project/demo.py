@@ -6,8 +6,6 @@ Example: aerial-il demo
 Example: aerial-il demo robot=fa_hexa_arm4 task=reach episodes=50 out=runs/demo_reach
 """
 
-from __future__ import annotations
-
 import time
 
 from aerial_il.workflows.demo import Demo, stages

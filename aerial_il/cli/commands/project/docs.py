@@ -7,8 +7,6 @@ Example: aerial-il docs open=true
 Example: aerial-il docs site=null films=true
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.workflows.docs import Docs, pages, site

@@ -3,8 +3,6 @@
 Example: aerial-il doctor
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -8,8 +8,6 @@ Example: aerial-il list json=true
 Example: aerial-il list html=true
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

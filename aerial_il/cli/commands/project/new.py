@@ -7,8 +7,6 @@ Example: aerial-il new task stack_cubes
 Example: aerial-il new policy my_network
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.new import New, new
 from aerial_il.workflows.spelling import command_line
 

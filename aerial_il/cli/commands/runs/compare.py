@@ -7,8 +7,6 @@ Example: aerial-il compare runs/a/evaluation runs/b/evaluation runs/c/evaluation
 Example: aerial-il compare runs/sweep format=latex
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

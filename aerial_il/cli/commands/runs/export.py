@@ -7,8 +7,6 @@ Example: aerial-il export policy=runs/pick out=exported/pick
 Example: aerial-il evaluate policy=exported/pick out=exported/evaluation episodes=50
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.export import Export, export
 
 SETTINGS, BARE = Export, ("policy",)

@@ -7,8 +7,6 @@ Example: aerial-il leaderboard evaluations
 Example: aerial-il leaderboard evaluations submission=theirs/policy tiers=[calm,gusts] out=board.html
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.leaderboard import Settings, leaderboard
 
 SETTINGS, BARE = Settings, ("result",)

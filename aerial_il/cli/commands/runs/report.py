@@ -15,8 +15,6 @@ Example: aerial-il report runs/pick_mlp runs/pick_act out=runs/classes.html
 Example: aerial-il report runs/sweep format=latex > sweep.tex
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

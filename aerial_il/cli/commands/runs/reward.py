@@ -5,8 +5,6 @@ Runs of dac, gail and airl keep theirs. Beside it stands what the same flight wo
 Example: aerial-il reward runs/reach_dac dataset=datasets/reach episode=3
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from aerial_il.workflows.reward import Reward, reward

@@ -29,8 +29,6 @@ Example: aerial-il train algorithm=sac policy=squashed_gaussian env=gymnasium:Ho
 Example: aerial-il train algorithm=ppo policy=squashed_gaussian robot=z1 task=reach horizon=200 run=runs/z1_ppo
 """
 
-from __future__ import annotations
-
 from aerial_il.workflows.spelling import command_line, path
 from aerial_il.workflows.train import Train, train
 

@@ -1,7 +1,5 @@
 """A digest of what an episode holds, kept beside it in formats that have none of their own."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

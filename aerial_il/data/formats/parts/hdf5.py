@@ -3,8 +3,6 @@
 A format recognises its files by :func:`holds`, which never follows a link out of the file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path

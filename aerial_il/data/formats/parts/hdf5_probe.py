@@ -5,8 +5,6 @@ ends of their data first; each by itself, as one that raises says nothing of the
 nothing: on a busy computer a sound file may take long.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import stat

@@ -14,8 +14,6 @@ time in seconds                timestamps, times                 optional
 =============================  ================================  =======================================
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Of the numbers of a step about half stand still in a flight. The message is CDR,
 makes it whole.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 

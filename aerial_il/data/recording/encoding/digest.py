@@ -1,7 +1,5 @@
 """A digest over what an episode says, so that no change passes that a checksum might let through."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping

@@ -4,8 +4,6 @@ Depth is kept in whole millimetres up to 65.535 m (0 where it is not finite or b
 the background, -1, becomes 0.
 """
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -4,8 +4,6 @@ Standard types carry what people look at, so that rerun, Foxglove and ROS 2 tool
 own, ``aerial_il_msgs/msg/Steps``, carries what must be exact.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 from aerial_il.data.recording.encoding.cdr import CdrTemplate

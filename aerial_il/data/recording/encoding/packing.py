@@ -4,8 +4,6 @@ A step is gathered in one row, a structured value; a message is a template with 
 which slots is worked out once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

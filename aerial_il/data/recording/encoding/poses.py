@@ -1,7 +1,5 @@
 """Rotations as ROS 2 writes them, for many bodies at once."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.kernels import kernel

@@ -1,7 +1,5 @@
 """Topics of fixed-size messages: which bytes of a step go into which slots, and what a whole MCAP record looks like."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -4,8 +4,6 @@ They are made for looking at flights, in Foxglove, RViz or rerun, and are derive
 replace. Stamps are simulation time.
 """
 
-from __future__ import annotations
-
 import io
 import os
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Geoms of a compiled scene as the boxes, cylinders and spheres that URDF and markers know."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """Poses of all frames of a scene in every recorded state, each relative to its parent frame in ROS 2."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ in the scene, and efforts have one only where an actuator says so: 0 means that 
 Source: the URDF specification, wiki.ros.org/urdf/XML.
 """
 
-from __future__ import annotations
-
 import warnings
 from xml.etree import ElementTree as ET
 

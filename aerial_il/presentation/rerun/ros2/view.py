@@ -16,8 +16,6 @@ topic                       type                  content
 ==========================  ====================  ==================================================================
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

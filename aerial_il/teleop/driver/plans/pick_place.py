@@ -3,8 +3,6 @@
 A tool that leans, as a policy may leave it, is straightened first, above the cube: its fingers would push it away.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Reach by hand: go there, then turn the tool, then put right what the turning has moved."""
 
-from __future__ import annotations
-
 import math
 
 from aerial_il.teleop.driver.eyes import Sight

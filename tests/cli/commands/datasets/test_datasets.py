@@ -1,7 +1,5 @@
 """Commands on datasets: the ending of ``out`` chooses the format; a dataset, folders and files are judged alike."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

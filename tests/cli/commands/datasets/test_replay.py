@@ -1,7 +1,5 @@
 """Recordings are flown again in the environment that they say, or the reason why not is said."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

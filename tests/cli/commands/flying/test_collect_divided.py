@@ -1,7 +1,5 @@
 """One dataset recorded by several jobs: the same bytes however many there are, and whichever of them is killed."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import time

@@ -1,7 +1,5 @@
 """``evaluate conditions=[...]`` and ``again=``: one table and one page, and the same flights once more."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A sweep is evaluated as a whole: each run in a folder of its own, and all in one ranking."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``view``, ``inspect`` and the gallery of ``list`` as a user meets them, on a machine without a screen."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """``aerial-il teleop`` as it is typed: it says where the page is, ends by Ctrl-C, and refuses what cannot be."""
 
-from __future__ import annotations
-
 import os
 import signal
 import socket

@@ -1,7 +1,5 @@
 """``aerial-il docs`` writes the pages that the project makes of itself, where it is told to, and says how to look."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """What ``aerial-il new`` writes is what the pages explain; it is found, it runs, and nothing is overwritten."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

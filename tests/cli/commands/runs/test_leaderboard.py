@@ -1,7 +1,5 @@
 """Standings from evaluations alone: trainings of one method together, what does not fit named, a submission judged."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

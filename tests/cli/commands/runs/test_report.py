@@ -1,7 +1,5 @@
 """``aerial-il report`` as tables for a paper, and what it does where a folder is missing."""
 
-from __future__ import annotations
-
 import csv
 import io
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The command over many runs: what it lists, compares and draws, and what it never removes."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What ``aerial-il train`` is told: whom it learns from, where it flies, and every algorithm through the command."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

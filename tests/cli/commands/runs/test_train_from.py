@@ -1,7 +1,5 @@
 """``aerial-il train from=RUN``: a training with the settings of an earlier one."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

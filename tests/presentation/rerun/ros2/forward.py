@@ -1,7 +1,5 @@
 """Forward kinematics from the text of a URDF file, by the specification alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 

@@ -1,7 +1,5 @@
 """The URDF of a robot moves as MuJoCo's model does, judged by the specification and by MuJoCo's own reader of URDF."""
 
-from __future__ import annotations
-
 from xml.etree import ElementTree as ET
 
 import mujoco

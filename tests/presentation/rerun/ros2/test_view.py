@@ -1,7 +1,5 @@
 """What ROS 2's viewers are told of a flight is what MuJoCo says of its states, and they take the file."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import replace

@@ -3,8 +3,6 @@
 lerobot answers an incomplete dataset by asking the network for it, so completeness is checked before one is opened.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath

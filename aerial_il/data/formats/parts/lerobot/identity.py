@@ -4,8 +4,6 @@ They drop files that they do not know, and keep the description of every feature
 ``names`` of the feature ``demo.uid``. What may differ between datasets that are merged is left out: the tier.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

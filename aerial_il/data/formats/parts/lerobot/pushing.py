@@ -1,7 +1,5 @@
 """Push a LeRobot dataset to the Hugging Face Hub, by lerobot's own function."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path

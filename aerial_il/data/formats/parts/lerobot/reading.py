@@ -1,7 +1,5 @@
 """Read LeRobot v3 datasets, ours or foreign ones, straight from their files: nothing is opened that is not complete."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager

@@ -6,8 +6,6 @@ write comes out of its own functions here too: the schema, the statistics, the f
 Source: ``DatasetWriter.save_episode`` of lerobot 0.6.1.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

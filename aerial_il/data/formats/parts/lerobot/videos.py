@@ -1,7 +1,5 @@
 """Decode the pictures of a LeRobot dataset: of each camera, those that a video shows at an episode's time stamps."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

@@ -17,8 +17,6 @@ Frames are the T observations that an action follows; the terminal one is left o
 folder from whole recordings and renamed when it is complete, as lerobot cannot read an unfinished one.
 """
 
-from __future__ import annotations
-
 import fcntl
 import glob
 import hashlib
