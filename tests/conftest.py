@@ -1,7 +1,5 @@
 """What all tests share: a rendering back end, chosen before any test module imports MuJoCo, or else no pictures."""
 
-from __future__ import annotations
-
 import gc
 import logging
 import os

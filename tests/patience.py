@@ -1,7 +1,5 @@
 """Waiting for what is to happen: only a test that hangs is ended by the clock, after minutes."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable

@@ -5,8 +5,6 @@ policy class for 200 steps; run it in both checkouts. ``python -m tests.unchange
 differs, and exits with 1 if anything does. A measurement that was stopped goes on.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import sys

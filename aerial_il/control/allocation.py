@@ -6,8 +6,6 @@ the limits. Under saturation thrust along z with roll and pitch torque come firs
 PX4's prioritised mixer.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

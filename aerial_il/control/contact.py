@@ -7,8 +7,6 @@ posture of the reference, and across it it goes on to cancel (compliance along t
 Craig, "Hybrid position/force control of manipulators", 1981).
 """
 
-from __future__ import annotations
-
 from aerial_il.control import controller_state as layout
 from aerial_il.control.dynamics import put, total_mass, vec
 from aerial_il.control.inverse_kinematics import solve_cholesky

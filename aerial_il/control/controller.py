@@ -4,8 +4,6 @@ It runs at the physics rate (250 Hz) on one vehicle; :mod:`aerial_il.suite` loop
 :class:`Controller` offers it to everyone else.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Keeping it outside of any object lets a simulator store it with its own state, s
 snapshot of both.
 """
 
-from __future__ import annotations
-
 from aerial_il.control.vehicle import MAX_JOINTS
 
 READY = 0  # 0 until the first tick has seated the references at the current state

@@ -5,8 +5,6 @@ Everything is expressed in the world frame about the base origin (Featherstone, 
 from base), the base twist (``vel`` world, ``omega`` world), and joint positions and velocities.
 """
 
-from __future__ import annotations
-
 from aerial_il.control.vehicle import GRAVITY
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import (

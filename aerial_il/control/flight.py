@@ -6,8 +6,6 @@ of mass are fed forward. A vehicle with tilted rotors uses its sideways force fi
 under-actuated one has none and always tilts: one law for both.
 """
 
-from __future__ import annotations
-
 import math
 
 from aerial_il.control import controller_state as layout

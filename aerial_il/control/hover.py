@@ -1,7 +1,5 @@
 """The vehicle as the one rigid body that textbook laws take it for: hovering, the arm hanging at rest."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -7,8 +7,6 @@ space, ``δ = δ0 + S A' (A A' + λ² 1)⁻¹ W (e - J δ0)`` with ``A = W J S``
 solved in joint space, ``(A' A + λ² 1) S⁻¹ (δ - δ0) = A' W (e - J δ0)``: the same minimum.
 """
 
-from __future__ import annotations
-
 import math
 
 from aerial_il.core.kernels import kernel

@@ -5,8 +5,6 @@ second-order law whose speed and acceleration are limited; near the command its 
 target that moves steadily is tracked without delay, while a distant one is approached along a braking curve.
 """
 
-from __future__ import annotations
-
 import math
 
 from aerial_il.control import controller_state as layout

@@ -1,7 +1,5 @@
 """Working memory of the controller's tick: one block, made once and used for one vehicle after the other."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.control.vehicle import MAX_JOINTS, MAX_ROTORS

@@ -7,8 +7,6 @@ the weight. Then the rotors run down and the arm keeps the posture of the refere
 reference that is no longer below brings the thrust back at once.
 """
 
-from __future__ import annotations
-
 from aerial_il.control import controller_state as layout
 from aerial_il.core.kernels import kernel
 from aerial_il.core.rotations import clip, norm

@@ -1,7 +1,5 @@
 """The call of a flight law by the controller's tick: through its address, so that a new law compiles itself only."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba

@@ -6,8 +6,6 @@ follows the end-effector reference; the base and the rest posture share the moti
 is off by. That second step makes it more accurate in wind than any gain of the base's own loop.
 """
 
-from __future__ import annotations
-
 from aerial_il.control import controller_state as layout
 from aerial_il.control.contact import feel_contact, give_way
 from aerial_il.control.dynamics import forward_kinematics, put, tool_jacobian, tool_pose, vec

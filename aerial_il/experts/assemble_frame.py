@@ -1,7 +1,5 @@
 """Expert for the frame: lift the beam off, turn it along the hooks, lower it between their walls."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.set_down import LOWER_PATIENCE_STEPS, SEATED_M, SetDownExpert

@@ -1,7 +1,5 @@
 """Expert for the cabinet: hook its door open, fetch the cube from above, set it down on the marked place."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

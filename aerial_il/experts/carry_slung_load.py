@@ -4,8 +4,6 @@ The tool is never sent far ahead, and always a share of the way to where the loa
 load, at a speed that grows with its swing, takes energy out of a pendulum.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length, planar_length

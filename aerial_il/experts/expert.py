@@ -5,8 +5,6 @@ moves on to the next phase where that is due, then commands a target that depend
 take over from any state: the phase to start with is read off the state.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import ClassVar, Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """Expert for the fruit: take the nearest ripe one beside its leaf, pull, carry it over the basket and let go."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -5,8 +5,6 @@ the wind. The tool points down and faces the way the thing resists: a vehicle th
 axis by what it tows.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Expert for hovering: command the point and the heading, and let the controller do what it is for."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

@@ -1,7 +1,5 @@
 """Expert for inserting a peg: hover, descend, close, lift, carry, insert, release; a lost one is picked up again."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

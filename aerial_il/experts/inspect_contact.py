@@ -1,7 +1,5 @@
 """Expert for contact inspection: stand off, come down along the normal, and press by a force loop."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

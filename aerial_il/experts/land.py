@@ -1,7 +1,5 @@
 """Expert for landing: over the pad, down at a steady speed, and stay down."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.expert import Expert

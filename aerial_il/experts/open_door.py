@@ -1,7 +1,5 @@
 """Expert for the door: go down into the handle, pull the door open along its arc."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

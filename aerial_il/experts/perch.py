@@ -1,7 +1,5 @@
 """Expert for perching: come down on the bar, grip it, lean on it until the rotors stop, stand, and fly off."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.expert import Expert, pointing_down

@@ -1,7 +1,5 @@
 """A slow wander of commanded positions, so that demonstrations show how to come back."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.seeding import named_rng

@@ -1,7 +1,5 @@
 """Expert for picking from a moving table: that for pick and place, sent ahead of a cube that rides on."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.pick_place import DESCEND, LIFT, PickPlaceExpert

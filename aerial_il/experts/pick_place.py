@@ -1,7 +1,5 @@
 """Expert for pick and place: hover, descend, close, lift, carry, lower, let go, back off; retry on a miss."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

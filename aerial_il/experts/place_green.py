@@ -1,7 +1,5 @@
 """Expert for the green one of two cubes."""
 
-from __future__ import annotations
-
 from aerial_il.experts.pick_place import PickPlaceExpert
 
 

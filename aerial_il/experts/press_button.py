@@ -1,7 +1,5 @@
 """Expert for pressing a button: stand off over it, come down along its axis, push until it is in."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY, Gains

@@ -1,7 +1,5 @@
 """Expert for the lever: go down behind the crossbar, pull it along its arc."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert

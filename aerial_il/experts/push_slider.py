@@ -1,7 +1,5 @@
 """Expert for the slider: come down behind the handle with the gripper closed, and push; go back up when it slips."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import planar_length

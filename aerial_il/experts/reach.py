@@ -1,7 +1,5 @@
 """Expert for reach: command the target pose and wait there."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

@@ -1,7 +1,5 @@
 """Expert for restocking: hook the cabinet open, stow one cube after the other, push its door shut."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import numpy as np

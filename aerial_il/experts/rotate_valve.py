@@ -1,7 +1,5 @@
 """Expert for the valve: put the fingers between two spokes, tow the wheel round until the valve is open."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.experts.hook import HookExpert

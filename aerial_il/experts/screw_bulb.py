@@ -1,7 +1,5 @@
 """Expert for the bulb: hover, descend, close, turn with the whole vehicle; grip again whenever the lamp slips out."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import planar_length

@@ -1,7 +1,5 @@
 """Base class of experts that take a cube from one place and set it down, upright and gently, in another."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import ClassVar
 

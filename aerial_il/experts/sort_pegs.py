@@ -1,7 +1,5 @@
 """Expert for sorting pegs: inserts one after the other as for a single peg, in the order that the task remembers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.contracts import BatchEnv

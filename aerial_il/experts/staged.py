@@ -1,7 +1,5 @@
 """An expert made of others, one for each stage of a long task."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Expert for taking off: straight up out of the ground's reach, then to the point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

@@ -1,7 +1,5 @@
 """Expert for tossing a ball: take it, raise it behind a line, run up, let go when it would land in the bin."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.control.vehicle import GRAVITY

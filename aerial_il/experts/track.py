@@ -1,7 +1,5 @@
 """Expert for track: fly to the target and stay with it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

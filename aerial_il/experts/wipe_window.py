@@ -1,7 +1,5 @@
 """Expert for the window: stand off, press by a force loop, slide from each patch to the nearest that is left."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.arrays import length

@@ -10,8 +10,6 @@ Source: A. Mandlekar et al., "What Matters in Learning from Offline Human Demons
 deviation is at least 0.007.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from torch import nn

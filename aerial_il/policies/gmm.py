@@ -14,8 +14,6 @@ Source: A. Mandlekar et al., "What Matters in Learning from Offline Human Demons
 deviation at least 1e-4, low-noise evaluation (there a deviation of 1e-4 around the mode's mean, here the mean).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from torch import nn

@@ -5,8 +5,6 @@ from the curve pushes it further off: whoever drifts has to know how to come bac
 It has the suite's interface and flies hundreds of episodes a second.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from aerial_il.core.seeding import episode_rng

@@ -3,8 +3,6 @@
 It ends when it leaves the line, and, if so made, when it has arrived. It cannot save its state.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Networks with weights set by hand, so that what an equation makes of their answers can be computed by hand."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Settings from a table of small values, of which each algorithm takes those that are its own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import cache

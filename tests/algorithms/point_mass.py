@@ -4,8 +4,6 @@ It pauses where a real demonstrator pauses, so a policy without action chunks st
 episodes a second.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Small trainings on the mass of :mod:`tests.algorithms.drift`: settings of any algorithm, and a run of seed 1."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Goals that can be exchanged: of the mass on a line, and of one in space that hardly ever meets its own by chance."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Worlds without a simulator behind them, as a recording asks for them, and demonstrations flown in them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any

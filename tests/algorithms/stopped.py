@@ -1,7 +1,5 @@
 """Trainings that are stopped: called again, each ends with the same bytes as if nothing had happened."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

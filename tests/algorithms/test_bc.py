@@ -1,7 +1,5 @@
 """Behaviour cloning learns to fly, says how well, and keeps a readable record."""
 
-from __future__ import annotations
-
 import itertools
 import json
 import time

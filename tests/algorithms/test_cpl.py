@@ -1,7 +1,5 @@
 """Contrastive preference learning moves a clone of good and bad flights to what is preferred, and nowhere else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from math import exp, log
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Dagger learning: what it costs, what it brings, what of it is learned from, and that a kill costs nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

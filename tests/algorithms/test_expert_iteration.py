@@ -1,7 +1,5 @@
 """Expert iteration flies each start with one attempt after another, and keeps one success of each."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

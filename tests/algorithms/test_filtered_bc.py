@@ -1,7 +1,5 @@
 """Filtered cloning keeps what succeeded, as it was flown, and nothing else."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Who flies and who is asked in interactive learning: gates, mixtures, supervisors and noise."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """HG-DAgger with somebody at the controls: rounds of real flights by the model of a driver, killed and continued."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

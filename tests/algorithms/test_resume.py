@@ -1,7 +1,5 @@
 """Whatever stops a run, the same command ends with the same bytes as if nothing had happened."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import logging

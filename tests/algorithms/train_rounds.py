@@ -1,7 +1,5 @@
 """Train interactively on the corridor."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Train a small policy in a process of its own: ``python -m tests.algorithms.train_tiny RUN``."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from typing import Any

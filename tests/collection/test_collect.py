@@ -1,7 +1,5 @@
 """Collecting is bit for bit repeatable and complete; the whole path on real robots: flown, recorded, replayed."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

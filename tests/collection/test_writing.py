@@ -1,7 +1,5 @@
 """A dataset stays of one kind unless somebody wants it mixed; files are written whole, or told."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """A robot alone in the air, flown by the public controller in a plain MuJoCo model: no suite, no task."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

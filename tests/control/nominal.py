@@ -1,7 +1,5 @@
 """A vehicle's nominal model as a MuJoCo model of its own, and random states of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

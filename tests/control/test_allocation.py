@@ -1,7 +1,5 @@
 """Allocation reproduces what the rotors can give and gives up in the right order."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings

@@ -1,7 +1,5 @@
 """What presses against the tool is felt by the joints, and the arm goes along with it, not against it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The public controller flies robots in a plain MuJoCo model: no suite, no task."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Kinematics and dynamics against MuJoCo; the disturbance observer meets payload, tables and walls."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Thrust is let go by a vehicle that is held, sent down and does not fall; by no other, and not for a moment longer."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Whole-body inverse kinematics converges, stays within limits and respects frozen coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

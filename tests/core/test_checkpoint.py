@@ -1,7 +1,5 @@
 """A sealed folder comes back exactly, or is refused by name."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -1,7 +1,5 @@
 """Settings are composed of plain values; one of another type than its setting declares is answered by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Specifications are compared as users read it, and the contracts are kept by all that is registered."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Signals that end a process by an exception: none is lost, and none leaves a lock held."""
 
-from __future__ import annotations
-
 import os
 import random
 import signal

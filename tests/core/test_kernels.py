@@ -1,7 +1,5 @@
 """Compiled code is never older than its source, and torch does not depend on where numpy put its numbers."""
 
-from __future__ import annotations
-
 import ast
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """What is said of work that takes long, in the words that a log gets."""
 
-from __future__ import annotations
-
 import io
 
 import pytest

@@ -1,7 +1,5 @@
 """The one registry: kinds by their files and by entry points of other packages; keys that have new names."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What people are told: errors of other processes, progress in a log or on a terminal, and where a run comes from."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """Rotations: round trips, and agreement with MuJoCo's own functions."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Small recorded datasets: cranes flown by an expert that sometimes dives, and by a person's name."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable
 from hashlib import sha256

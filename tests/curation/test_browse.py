@@ -1,7 +1,5 @@
 """The page that browses: as a file, from its server, and what neither lets pass."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import re

@@ -1,7 +1,5 @@
 """The card of a dataset: what its page and its README say, and whom they do not believe."""
 
-from __future__ import annotations
-
 import asyncio
 import re
 import shutil

@@ -1,7 +1,5 @@
 """Datasets that are made of others: what is refused, what is shared, and what is known of where it came from."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

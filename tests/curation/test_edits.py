@@ -1,7 +1,5 @@
 """Edits where the episodes lie: what they change, that nothing else does, and the way back from every moment."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

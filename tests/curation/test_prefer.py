@@ -1,7 +1,5 @@
 """Preferences by command and by hand: the page, what its server lets pass, and that both go on where they stopped."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import threading

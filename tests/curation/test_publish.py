@@ -1,7 +1,5 @@
 """A folder for a hub, and what is handed to lerobot to push it; nothing here goes online."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Conditions are read as Python and never run; what is refused is named."""
 
-from __future__ import annotations
-
 import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError

@@ -1,7 +1,5 @@
 """Experts are closed loop: they retry, take over anywhere, and forget when reset."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

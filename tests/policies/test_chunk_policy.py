@@ -1,7 +1,5 @@
 """Policies of chunks: history, plan and memory of every world follow their definition, whatever is reset when."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

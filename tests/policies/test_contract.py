@@ -1,7 +1,5 @@
 """What every policy file owes: it builds at any size, learns, survives saving, and treats each world by itself."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

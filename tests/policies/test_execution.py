@@ -1,7 +1,5 @@
 """How chunks are flown with latency, joined, and led to what a robot can follow."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """An exported policy acts as the one it came from, without torch and MuJoCo, and nothing else passes for one."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """Fields that others call otherwise are matched by their shape where that is clear, and never guessed apart."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Diffusion and flow: whatever the network answers with leads to the right actions, spread as the data are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Instructions as numbers: wordings of one task lie nearer to each other than to those of other tasks."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

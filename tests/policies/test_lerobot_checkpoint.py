@@ -1,7 +1,5 @@
 """A policy that lerobot has saved flies here as it flies there; one that names code to run is refused."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

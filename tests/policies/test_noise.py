@@ -1,7 +1,5 @@
 """Noise is a function of the episode; a policy with fields hidden is led by what it sees alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Every policy file obeys one contract; one policy learns several tasks and is told which it flies."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Actions in the end effector's own frame: undone exactly, scaled by their own statistics, the same wherever it is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

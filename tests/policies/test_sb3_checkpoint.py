@@ -1,7 +1,5 @@
 """What Stable-Baselines3 saved is flown as it would fly it, without unpickling anything."""
 
-from __future__ import annotations
-
 import io
 import json
 import pickle

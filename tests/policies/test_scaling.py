@@ -1,7 +1,5 @@
 """Scaling is undone exactly enough; what never varied, or had two values only, is found and flown as it was."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args

@@ -1,7 +1,5 @@
 """Data in metres, millimetres or micrometres give the same policy: no threshold is told in a unit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Policies see: every class of them, the right part of the right frame, and only through its own cameras."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

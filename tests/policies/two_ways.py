@@ -1,7 +1,5 @@
 """Two ways beside a centre that the observation decides: what follows one of several ways must not fly their mean."""
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor
 

@@ -3,8 +3,6 @@
 One vocabulary for environments, configurations and studies. ``docs/controllers.md`` derives each of them.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from aerial_il.core import registry

@@ -1,7 +1,5 @@
 """Geometric tracking on SE(3), with the arm fed forward; see ``control.flight`` for its parts and their sources."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

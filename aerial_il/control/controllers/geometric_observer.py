@@ -1,7 +1,5 @@
 """Geometric tracking with a disturbance observer: the law of every flight that names none."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -14,8 +14,6 @@ base origin), both in the base frame, and calls :func:`feed_arm_forward` with th
 ``state[LAW]`` on it may remember ``LAW_SIZE`` numbers; the base's reference is there, too, see ``controller_state``.
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

@@ -20,8 +20,6 @@ The linear law saturates where the linearisation ends: the part of the torque th
 shortened so that it asks for no more than the largest tilt.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -17,8 +17,6 @@ they add to is saturated in their direction (conditional integration), and they 
 A vehicle with tilted rotors exerts as much of the sideways force as it can and tilts only for the rest.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar

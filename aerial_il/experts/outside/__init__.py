@@ -1,7 +1,5 @@
 """Demonstrators for environments from outside, read from files that others published; nothing in them is unpickled."""
 
-from __future__ import annotations
-
 import os
 
 from aerial_il.core.errors import UnknownNameError

@@ -1,7 +1,5 @@
 """Build a network whose settings came out of a file, no larger than the weights that came with them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 

@@ -4,8 +4,6 @@ A normaliser leaves them in their own units, with a scale of 1, and mostly that 
 that fill [-1, 1] have half a range of 1 too. Where the scale would be misread, the policy says which are constant.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Action-value critics, several at once: of reinforcement learning, and of policies that choose between actions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from itertools import pairwise

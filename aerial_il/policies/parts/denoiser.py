@@ -1,7 +1,5 @@
 """The network inside diffusion and flow matching: from a noisy chunk, a time and an observation to a direction."""
 
-from __future__ import annotations
-
 import math
 from typing import cast
 

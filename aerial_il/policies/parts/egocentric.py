@@ -1,7 +1,5 @@
 """Policies that see the task from the tool, and nothing of how the robot itself stands."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from aerial_il.policies.parts.network import PolicySettings

@@ -10,8 +10,6 @@ sent are held, and those still planned are held the less the later they are, so 
 Source: C. Chi et al., "Universal Manipulation Interface", 2024, section IV-B (outdated actions are discarded).
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 

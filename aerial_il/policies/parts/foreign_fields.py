@@ -1,7 +1,5 @@
 """Fields that the data of others name otherwise than the environment does in which their policy flies."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

@@ -13,8 +13,6 @@ Source: K. Black, M. Galliker, S. Levine, "Real-Time Execution of Action Chunkin
 (their weight, written for any s and n; their limit is 5); H. Gupta et al., "UMI-on-Air", 2025.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Hidden layers of a perceptron, and ends of a network: chunks of actions, or distributions over them, with a loss."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

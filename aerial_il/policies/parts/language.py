@@ -1,7 +1,5 @@
 """Demonstrations that say in words what they do: an observation ``instruction`` instead of the number of a task."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from zlib import crc32
 

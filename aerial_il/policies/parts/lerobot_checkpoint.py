@@ -6,8 +6,6 @@ world by itself, so that worlds may be reset at different times. Nothing is unpi
 file names it: steps of a processor other than those below are refused.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -8,8 +8,6 @@ Source: P. de Haan, D. Jayaraman, S. Levine, "Causal Confusion in Imitation Lear
 all masks, flown with one of them for an episode, judged by the reward.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -9,8 +9,6 @@ Source: G. Steele, D. Lea, C. Flood, "Fast Splittable Pseudorandom Number Genera
 G. Box, M. Muller, "A Note on the Generation of Random Normal Deviates", 1958.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A network of torch's as an ONNX graph, for :class:`~aerial_il.policies.parts.exported.OnnxPolicy`."""
 
-from __future__ import annotations
-
 import logging
 import warnings
 from collections.abc import Mapping

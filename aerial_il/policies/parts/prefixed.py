@@ -1,7 +1,5 @@
 """Named arrays of one part among those of others: ``PART.NAME``."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

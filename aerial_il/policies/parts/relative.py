@@ -3,8 +3,6 @@
 Source: C. Chi et al., "Universal Manipulation Interface", 2024, section IV-C (relative end-effector trajectories).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 POSE = 9  # position (3) and rot6d (6), at the front of an ``ee_pose`` action

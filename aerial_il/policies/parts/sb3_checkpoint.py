@@ -5,8 +5,6 @@ text beside them is read. Flown are the deterministic actions of PPO, A2C, SAC, 
 vector or a dictionary of vectors. Among discrete actions the one of the highest score is answered, a 1 among zeros.
 """
 
-from __future__ import annotations
-
 import io
 import pickle
 import re

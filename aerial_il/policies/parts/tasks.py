@@ -6,8 +6,6 @@ flight the environment says which task it is. Demonstrations that say in words w
 instead, and in flight the policy is told in words.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -10,8 +10,6 @@ GroupNorm instead of batch statistics, which averaged weights would not fit: C. 
 section III-B; random crops: D. Yarats et al., "Image Augmentation Is All You Need", 2021.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 

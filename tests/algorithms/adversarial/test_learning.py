@@ -1,7 +1,5 @@
 """Reinforcement and adversarial imitation learn in seconds what can be learned, and nothing from nothing."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

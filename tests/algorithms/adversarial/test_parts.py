@@ -1,7 +1,5 @@
 """The pieces of adversarial imitation are what their definitions say."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

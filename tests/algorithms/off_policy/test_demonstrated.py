@@ -1,7 +1,5 @@
 """Learners from a reward that see demonstrations: what these are paid, and which of them are of no use."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Ends and cuts of episodes, of learners that see demonstrations: what is kept, row by row, and its value."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

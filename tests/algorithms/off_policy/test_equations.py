@@ -1,7 +1,5 @@
 """The equations of learners from a replay buffer, against numbers written by hand: targets and weights."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Actor-critics that start from a clone: it flies first, critics learn its value, and other weights are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

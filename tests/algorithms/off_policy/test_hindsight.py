@@ -1,7 +1,5 @@
 """Hindsight, also beside demonstrations: flights are kept again with other goals, paid by the goal's own rule."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A prior of any class proposes beside the actor, and is left only where critics are sure."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """Learners from a dataset first: the offline part is counted, saved and judged, and only what is better is imitated."""
 
-from __future__ import annotations
-
 import os
 import signal
 from dataclasses import replace

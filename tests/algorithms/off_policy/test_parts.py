@@ -1,7 +1,5 @@
 """Parts of off-policy learners: Q-learning's updates, loss and held choices, exploration, standardised critics."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path

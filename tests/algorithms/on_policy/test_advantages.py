@@ -1,7 +1,5 @@
 """Advantages, rewards that are scaled, minibatches, and natural gradient steps beside those written out."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

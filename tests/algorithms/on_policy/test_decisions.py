@@ -1,7 +1,5 @@
 """Decisions that last several steps: their advantages by hand, the noise of chunks, the gate, episodes cut short."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, cast
 

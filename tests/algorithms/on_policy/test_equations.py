@@ -1,7 +1,5 @@
 """The equations of learners from rollouts, against numbers written by hand: clipping, demonstrations, the pull back."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

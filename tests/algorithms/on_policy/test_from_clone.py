@@ -1,7 +1,5 @@
 """Learners that go on from a clone: what they begin with, what they keep, what guides them, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is handed over by learners of chunks: what was learned, where it flies no worse than the prior by itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Learning from a reward as it comes: ends, standardised observations, what rough actions cost."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

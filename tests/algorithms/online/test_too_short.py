@@ -1,7 +1,5 @@
 """Runs that would end before their policy learns anything are refused, and those one step longer are not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

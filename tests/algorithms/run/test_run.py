@@ -1,7 +1,5 @@
 """Runs: another one in the same folder is refused by the settings that differ; signals wait for a step to end."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """Trackers are told every row of the metrics once, by the files that their own tools read."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import sys

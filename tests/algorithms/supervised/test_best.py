@@ -1,7 +1,5 @@
 """Schedule, averaged weights and optimiser state behave as documented, and the best weights are handed over."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Images reach the network as they were recorded, something is learned from them, and runs stay exact."""
 
-from __future__ import annotations
-
 import shutil
 import threading
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Demonstrations are chosen and weighted by who flew them and how well."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

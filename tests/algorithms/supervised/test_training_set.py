@@ -1,7 +1,5 @@
 """Minibatches are what their definition says, and data that cannot be learned from is refused by name."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

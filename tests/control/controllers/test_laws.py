@@ -1,7 +1,5 @@
 """Each flight law does what its textbook says: step responses within bounds, gains that are known, offsets removed."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest
