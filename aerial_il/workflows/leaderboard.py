@@ -57,13 +57,14 @@ def leaderboard(settings: Settings, *, told: Callable[[str], None]) -> tuple[Lea
         InvalidValueError: there is no evaluation, or nothing that the submission flies in.
     """
     from aerial_il.evaluation.leaderboard import standings
-    from aerial_il.presentation.pages.leaderboard import write_leaderboard
+    from aerial_il.presentation.pages.page import write_page
 
     results = _results(settings)
     if settings.submission is not None:
         results |= _judged(settings, results, told)
     board = standings(results, fewest=settings.fewest)
-    return board, write_leaderboard(settings.out, board)
+    methods, cells = {each.method for each in board.standings}, list(board.cells.items())
+    return board, write_page(settings.out, "leaderboard.html.j2", board=board, cells=cells, methods=len(methods))
 
 
 def _results(settings: Settings) -> dict[str, EvaluationResult]:

@@ -6,7 +6,7 @@ from typing import Any
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.preferences.file import PreferenceFile
 from aerial_il.data.preferences.pairs import Pair, Preference
-from aerial_il.presentation.pages.prefer import prefer_page
+from aerial_il.presentation.pages.page import page_text
 from aerial_il.workflows.parts.local_server import LocalServer
 
 
@@ -22,7 +22,7 @@ class PreferServer(LocalServer):
         super().__init__(dataset, port)
 
     def page(self) -> str:
-        return prefer_page(self.dataset, self._state())
+        return page_text("prefer.html.j2", dataset=self.dataset, data=self._state())
 
     def answer(self, path: str, asked: Mapping[str, Any]) -> Mapping[str, Any] | bytes:
         """Return the film of one side of a pair, or keep what was said of one and return which is next."""

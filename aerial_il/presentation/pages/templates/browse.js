@@ -1,8 +1,6 @@
 // A table and a scatter plot of the same rows; what is marked is edited by the server, or by a command that is shown.
-const $ = (id) => document.getElementById(id);
-const data = JSON.parse($("data").textContent), token = new URLSearchParams(location.search).get("token");
 const PAGE = 200, MARGIN = 44, TOP = 24, RIGHT = 30;
-let { columns, rows } = data, sort = { column: "uid", up: true }, brush = null, shown = PAGE;
+let { columns, rows } = given, sort = { column: "uid", up: true }, brush = null, shown = PAGE;
 const marked = new Set();
 
 const at = (row, name) => row[columns.indexOf(name)];
@@ -148,19 +146,13 @@ function type(words) {
   say("This page is a file. The command does it:");
 }
 
-async function ask(path, body) {
-  const answer = await fetch(`${path}?token=${encodeURIComponent(token)}`, { method: "POST", body: JSON.stringify(body) });
-  if (!answer.ok) throw new Error(await answer.text());
-  return answer;
-}
-
 async function edit(what, labels) {
   const uids = [...marked], where = `where=uid in [${uids.map((uid) => JSON.stringify(uid)).join(", ")}]`;
   const words = Object.entries(labels ?? {}).map(([name, value]) => `${name}=${value}`);
-  if (!data.served) return type(what === "undo" ? ["undo", data.dataset] : [what, data.dataset, where, ...words]);
+  if (!given.served) return type(what === "undo" ? ["undo", given.dataset] : [what, given.dataset, where, ...words]);
   say("…");
   try {
-    const done = await (await ask("edit", { what, uids, labels })).json();
+    const done = await (await ask("/edit", { what, uids, labels })).json();
     ({ columns, rows } = done);
     marked.clear();
     say(done.said);
@@ -171,13 +163,13 @@ async function edit(what, labels) {
 
 async function watch(row) {
   const uid = at(row, "uid");
-  const recording = `recording=${data.dataset}/${at(row, "success") ? "demos" : "failures"}/${uid}.mcap`;
-  if (!data.served) return type(["view", recording]);
+  const recording = `recording=${given.dataset}/${at(row, "success") ? "demos" : "failures"}/${uid}.mcap`;
+  if (!given.served) return type(["view", recording]);
   $("watched").textContent = `${uid}: the film is being made…`;
   $("film").hidden = true;
   $("watch").showModal();
   try {
-    $("film").src = URL.createObjectURL(await (await ask("film", { uid })).blob());
+    $("film").src = URL.createObjectURL(await (await ask("/film", { uid })).blob());
     $("film").hidden = false;
     $("watched").textContent = uid;
     await $("film").play();
@@ -198,8 +190,8 @@ $("clear").onclick = () => { marked.clear(); draw(); };
 $("delete").onclick = () => edit("delete", null);
 $("undo").onclick = () => edit("undo", null);
 $("relabel").onclick = () => {
-  const given = ["success", "operator", "instruction", "tag"].map((id) => [id, $(id).value]).filter(([, value]) => value !== "");
-  edit("relabel", Object.fromEntries(given.map(([id, value]) => [id, id === "success" ? value === "true" : value])));
+  const filled = ["success", "operator", "instruction", "tag"].map((id) => [id, $(id).value]).filter(([, value]) => value !== "");
+  edit("relabel", Object.fromEntries(filled.map(([id, value]) => [id, id === "success" ? value === "true" : value])));
 };
 for (const id of ["across", "up"]) $(id).onchange = () => { brush = null; draw(); };
 addEventListener("resize", draw);

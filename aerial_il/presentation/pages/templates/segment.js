@@ -1,13 +1,6 @@
 // A film above a time line of cuts; what is changed stays on the page until it is saved.
-const $ = (id) => document.getElementById(id), token = new URLSearchParams(location.search).get("token");
-const uids = JSON.parse($("data").textContent), NEW = 25, HUES = 8;
+const NEW = 25, HUES = 8;
 let flight = null, cuts = [], chosen = 0, dirty = false;
-
-async function ask(path, body) {
-  const answer = await fetch(`${path}?token=${token}`, { method: "POST", body: JSON.stringify(body) });
-  if (!answer.ok) throw new Error(await answer.text());
-  return answer;
-}
 
 async function attempt(work) {
   try {
@@ -147,7 +140,7 @@ function leave() {
   else $("flight").value = flight.uid;
 }
 
-$("flight").replaceChildren(...uids.map((name) => new Option(name)));
+$("flight").replaceChildren(...given.map((name) => new Option(name)));
 $("flight").onchange = leave;
 $("play").onclick = $("film").onclick = () => attempt(() => ($("film").paused ? $("film").play() : $("film").pause()));
 $("film").onplay = $("film").onpause = () => { $("play").textContent = $("film").paused ? "Play" : "Pause"; };
