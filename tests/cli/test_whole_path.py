@@ -27,6 +27,11 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def at_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+
+
 def test_recordings_are_sound_and_replay_bit_for_bit(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", str(home / "demos"), "replay=true", QUIET]) == 0
     said = capsys.readouterr().out
@@ -41,8 +46,7 @@ def test_info_describes_each_episode(home: Path, capsys: pytest.CaptureFixture[s
     assert (found["robot"], found["task"]) == ("ua_quad_arm4", "reach")
 
 
-def test_collecting_more_flies_only_what_is_missing(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_collecting_more_flies_only_what_is_missing(home: Path) -> None:
     before = {file: file.stat().st_mtime_ns for file in (home / "demos" / "demos").iterdir()}
     assert main(["collect", "task=reach", "episodes=7", "out=demos", QUIET]) == 0
     after = {file: file.stat().st_mtime_ns for file in (home / "demos" / "demos").iterdir()}
@@ -59,8 +63,7 @@ def test_an_evaluation_says_how_to_get_it_again(home: Path) -> None:
     )
 
 
-def test_a_report_gathers_run_and_dataset(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_a_report_gathers_run_and_dataset(home: Path) -> None:
     assert main(["report", "run/evaluation", "run=run", "dataset=demos", "out=page.html"]) == 0
     assert "http://" not in (home / "page.html").read_text().replace("http://www.w3.org", "")
 
@@ -97,8 +100,7 @@ def test_rollouts_on_the_way_take_seeds_that_do_not_judge(sweep: Path) -> None:
     assert "evaluate_every=2 evaluate_episodes=1" in kept["command"]
 
 
-def test_a_run_and_a_sweep_are_reported(home: Path, sweep: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_a_run_and_a_sweep_are_reported(home: Path, sweep: Path) -> None:
     assert main(["report", "sweep/seed=0", "videos=0", "out=one.html"]) == 0
     assert 'id="predictions"' in (home / "one.html").read_text()
     assert "No predictions" not in (home / "one.html").read_text()
@@ -137,9 +139,6 @@ def test_damage_is_found_and_recovered(home: Path, capsys: pytest.CaptureFixture
         (["train", "dataset=demos", "run=r", "algorithm.selection.operators=[nobody]"], "nobody"),
     ],
 )
-def test_bad_input_is_answered(
-    home: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_bad_input_is_answered(words: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(words) == 2
     assert said in capsys.readouterr().err

@@ -22,19 +22,22 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def at_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+
+
 @pytest.mark.parametrize(
     ("words", "made"), [(["out=a.hdf5"], "a.hdf5"), (["format=robomimic"], "demos/derived/robomimic.hdf5")]
 )
-def test_an_hdf5_is_robomimic_s(home: Path, words: list[str], made: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_an_hdf5_is_robomimic_s(words: list[str], made: str) -> None:
     assert main(["convert", "demos", *words, QUIET]) == 0
     back, recorded = open_dataset(made), open_dataset("demos")
     assert back.uids == recorded.uids
     np.testing.assert_array_equal(back[0].states, recorded[0].states)
 
 
-def test_d4rl_s_is_flat(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_d4rl_s_is_flat() -> None:
     assert main(["convert", "demos", "format=d4rl", "out=flat.hdf5", QUIET]) == 0
     recorded = open_dataset("demos")
     with h5py.File("flat.hdf5") as raw:
@@ -67,9 +70,8 @@ def test_d4rl_s_is_flat(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_an_ending_of_another_format_is_refused(
-    home: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(home)
     assert main(["convert", "demos", *words, QUIET]) == 2
     assert said in capsys.readouterr().err
 

@@ -35,13 +35,17 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def at_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+
+
 def flown_in(run: Path) -> tuple[str, str, str]:
     spec = aerial_il.load_policy(str(run)).spec
     return spec.robot, spec.task, spec.tier
 
 
-def test_dagger_asks_the_expert_of_the_task(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_dagger_asks_the_expert_of_the_task(home: Path) -> None:
     words = ["algorithm=dagger", "dataset=demos", "num_envs=1", "evaluate_every=0", ALONE, *ROUNDS, *SMALL]
     assert main(["train", *words, "run=dagger"]) == 0
     assert flown_in(home / "dagger") == ("ua_quad_arm4", "reach", "calm")
@@ -54,10 +58,7 @@ def test_dagger_asks_the_expert_of_the_task(home: Path, monkeypatch: pytest.Monk
         assert aerial_il.load_policy(f"bc{count}").origin["dataset"]["demonstrations"] == count
 
 
-def test_the_learned_reward_is_drawn(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_the_learned_reward_is_drawn(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["reward", "dac", "dataset=demos", "episode=1"]) == 0
     assert "Mean reward: as flown" in capsys.readouterr().out
     assert (home / "dac" / "reward.svg").stat().st_size
@@ -71,9 +72,8 @@ def test_the_learned_reward_is_drawn(
     ],
 )
 def test_no_reward_is_drawn_along_a_flight_from_elsewhere(
-    home: Path, tmp_path: Path, other: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, other: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(home)
     assert main(["collect", *other, "episodes=1", f"out={tmp_path}", QUIET]) == 0
     assert main(["reward", "dac", f"dataset={tmp_path}"]) == 2
     assert "The policy was trained for reach on ua_quad_arm4" in capsys.readouterr().err
@@ -114,16 +114,14 @@ def test_who_learns_from_reward_needs_no_demonstrations(tmp_path: Path, monkeypa
     ],
 )
 def test_what_does_not_go_together_is_refused(
-    home: Path, words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    home: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(home)
     assert main(["train", *words, "run=refused", QUIET]) == 2
     assert said in capsys.readouterr().err
     assert not (home / "refused").exists()
 
 
-def test_what_a_dataset_is_of_may_be_said(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_what_a_dataset_is_of_may_be_said() -> None:
     said = ["robot=ua_quad_arm4", "task=reach", "tier=calm", "action=ee_pose"]
     assert main(["train", "dataset=demos", *said, *SMALL, "algorithm.steps=2", "run=said"]) == 0
 
@@ -140,10 +138,7 @@ def test_a_set_of_values_that_does_not_fit_is_refused(word: str, said: str) -> N
         compose(commands.find("train"), ["run=x", "experiment=quick", word])
 
 
-def test_where_success_forfeits_the_dense_reward_a_line_says_so(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_where_success_forfeits_the_dense_reward_a_line_says_so(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     short = [
         "algorithm=ppo",
         "policy=squashed_gaussian",

@@ -32,12 +32,16 @@ def home(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(autouse=True)
+def at_home(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(home)
+
+
 def config_of(run: str) -> dict[str, Any]:
     return yaml.safe_load(Path(run, "config.yaml").read_text())
 
 
-def test_all_settings_are_taken(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_all_settings_are_taken() -> None:
     before = {file: file.read_bytes() for file in Path("a").rglob("*") if file.is_file()}
     assert main(["train", "from=a", "run=same", "progress=false"]) == 0
     assert config_of("same") == config_of("a")
@@ -49,17 +53,15 @@ def test_all_settings_are_taken(home: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert before == {file: file.read_bytes() for file in Path("a").rglob("*") if file.is_file()}
 
 
-def test_the_run_is_read_once(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_run_is_read_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its metrics may be long."""
-    monkeypatch.chdir(home)
     opened = []
     monkeypatch.setattr(earlier_run, "read_run", lambda place: opened.append(place) or training_run.read_run(place))
     assert main(["train", "from=a", "algorithm.lr=1e-4", "run=once", "progress=false"]) == 0
     assert opened == ["a"]
 
 
-def test_what_is_typed_goes_before_them(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_what_is_typed_goes_before_them() -> None:
     words = ["algorithm.lr=1e-4", "evaluate_episodes=${algorithm.steps}"]
     assert main(["train", "from=a", *words, "run=typed", "progress=false"]) == 0
     changed = config_of("a")
@@ -70,8 +72,7 @@ def test_what_is_typed_goes_before_them(home: Path, monkeypatch: pytest.MonkeyPa
     assert config_of("python") == changed
 
 
-def test_another_class_comes_with_its_defaults(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_another_class_comes_with_its_defaults() -> None:
     assert main(["train", "from=a", "policy=gaussian", "run=gaussian", "progress=false"]) == 0
     made, before = config_of("gaussian"), config_of("a")
     assert made["policy"]["name"] == "gaussian"
@@ -79,28 +80,21 @@ def test_another_class_comes_with_its_defaults(home: Path, monkeypatch: pytest.M
     assert made["settings"] == before["settings"]
 
 
-def test_a_sweep_varies_a_run(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(home)
+def test_a_sweep_varies_a_run() -> None:
     assert main(["train", "-m", "from=a", "seed=1,2", "run=seeds", "progress=false"]) == 0
     for seed in (1, 2):
         made = config_of(f"seeds/seed={seed}")
         assert (made["seed"], made["settings"]) == (seed, config_of("a")["settings"])
 
 
-def test_keys_are_those_of_the_run(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_keys_are_those_of_the_run(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "from=a", "algorithm.rounds=2", "run=x"]) == 2
     assert "Unknown key 'algorithm.rounds'" in capsys.readouterr().err
     assert main(["train", "from=a", "--help"]) == 0
     assert "seed=7" in capsys.readouterr().out
 
 
-def test_a_run_of_python_lacks_its_demonstrations(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_a_run_of_python_lacks_its_demonstrations(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "from=own", "run=x", "progress=false"]) == 2
     assert "set dataset=PATH" in capsys.readouterr().err
     assert main(["train", "from=own", "dataset=demos", "run=from_own", "progress=false"]) == 0
@@ -116,10 +110,7 @@ def test_a_run_of_python_lacks_its_demonstrations(
         ("from=old", "algorithm.log_every is called algorithm.cadence.log_every now"),
     ],
 )
-def test_what_is_no_run_of_this_version_is_refused(
-    home: Path, word: str, said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_what_is_no_run_of_this_version_is_refused(word: str, said: str, capsys: pytest.CaptureFixture[str]) -> None:
     for place in ("old", "sweep/seed=1"):
         Path(place).mkdir(parents=True, exist_ok=True)
         Path(place, "metrics.jsonl").write_text("")
@@ -131,20 +122,14 @@ def test_what_is_no_run_of_this_version_is_refused(
     assert not Path("x").exists()
 
 
-def test_a_new_folder_must_be_named(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_a_new_folder_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "from=a"]) == 2
     assert "train needs run=..." in capsys.readouterr().err
     assert main(["train", "from=a", "algorithm.lr=1", "run=a", "progress=false"]) == 2
     assert "a holds another run (settings.lr: 0.002 -> 1" in capsys.readouterr().err
 
 
-def test_code_that_a_run_names_must_be_typed(
-    home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(home)
+def test_code_that_a_run_names_must_be_typed(capsys: pytest.CaptureFixture[str]) -> None:
     shutil.copytree("a", "asked")
     Path("asked", "command.json").write_text(json.dumps({"settings": {"dataset": "demos", "expert": "pilot:make"}}))
     assert main(["train", "from=asked", "run=x", "progress=false"]) == 2
