@@ -264,7 +264,7 @@ class EnvSpec:
         """Plain lists, numbers and strings, ready for JSON or YAML."""
         raw = _plain(self)
         for each in raw["observation"]["fields"]:
-            _leave_out(each, every=1, delay=0)
+            _leave_out(each, onboard=False, every=1, delay=0)
         return raw if raw["options"] else {key: value for key, value in raw.items() if key != "options"}
 
     @staticmethod

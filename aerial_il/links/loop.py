@@ -149,13 +149,14 @@ class RobotLoop:
             late = self._metronome.wait()
         self._woke = time.perf_counter()
         self.steps += 1
-        reading = self.link.read()
+        reading, was_over = self.link.read(), self.watch.over
         self.watch.see(reading, self._now_s)
         if self.trouble:
             self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, self.trouble))[1]
         if self.watch.age_s > LOST_S:
             raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
-        if reading is not None and (not self.trouble or reading.mode is Mode.CRASHED):
+        ends = self.watch.over and not was_over  # by a sound reading, the last of the flight
+        if reading is not None and (not self.trouble or ends or reading.mode is Mode.CRASHED):
             self._take(reading)
         self.timing.late_s.append(late)
         self.timing.work_s.append(worked)

@@ -6,13 +6,12 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from aerial_il.core.checks import make_tuples
 from aerial_il.core.composition import build, chosen, plain
 from aerial_il.core.computer import HELD_MB
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import Observations
 from aerial_il.data.reading import Reading
 from aerial_il.workflows.parts.names import Algorithm, MaybeRobot, MaybeTask, MaybeTier, Policy, at_least
 
@@ -117,7 +116,7 @@ class Train:
     max_steps: int | None = None
     tier: MaybeTier = None
     action: str | None = None
-    observations: Observations = "truth"
+    observations: Literal["truth", "onboard"] = "truth"
     horizon: int | None = None
     seed: int = 0
     evaluate_every: int | None = None

@@ -18,6 +18,7 @@ from aerial_il.suite.physics.physics_batch import SIGNATURE
 def test_a_thing_is_in_view_where_its_pixels_are(flight: Callable[[str], Episode]) -> None:
     episode = flight("pick_place")
     source, model = read_source(episode), mujoco.MjModel.from_xml_string(episode.model_xml)
+    model.cam_fovy[:] = 60.0  # so that it leaves the picture
     data, bowl = mujoco.MjData(model), model.body("bowl").id
     computed, rendered = list[bool](), list[bool]()
     with mujoco.Renderer(model, 96, 128) as renderer:

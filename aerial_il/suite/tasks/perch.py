@@ -95,12 +95,13 @@ class Perch(Task):
         place(view, world, "perch", rng.uniform(PERCH_LOW, PERCH_HIGH), yaw=rng.uniform(-YAW_RAD, YAW_RAD))
 
     def fields(self) -> tuple[Field, ...]:
+        own = {"frame": "", "noise": EXACT, "onboard": True}
         return (
             seen("perch_pos", "middle of the bar"),
             direction("perch_yaw", "of twice the yaw of the bar", labels=("cos2", "sin2")),
             seen("tool_to_perch", "from the tool to it"),
-            seen("thrust_share", "rotors, of the weight", 1, unit="", frame="", labels=("now",), noise=EXACT),
-            seen("perched_s", "how long it has been perched; 5 once it may go", 1, unit="s", frame="", noise=EXACT),
+            seen("thrust_share", "rotors, of the weight", 1, unit="", labels=("now",), **own),
+            seen("perched_s", "how long it has been perched; 5 once it may go", 1, unit="s", **own),
         )
 
 

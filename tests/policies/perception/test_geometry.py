@@ -126,7 +126,7 @@ def test_every_task_says_what_is_to_be_seen(task):
     with closing(aerial_il.load_batch(robot, task, num_envs=1)) as env:
         spec = env.spec.observation
     own = [f for f in spec.of_group("task") if f.is_onboard]
-    assert all(f.name in ("wrist_force", "tool_force") for f in own)
+    assert {f.name for f in own} <= {"wrist_force", "tool_force", "thrust_share", "perched_s"}
     assert spec.to_be_seen
 
 

@@ -171,12 +171,12 @@ def test_the_command_stands_where_the_action_says(shown: Shown, episodes: list[E
 def test_pictures_stand_in_the_frustum_of_their_camera(shown: Shown, episodes: list[Episode]) -> None:
     pos, mats = poses(shown, "/scene/cameras/wrist_rgb")
     for step in (0, len(episodes[0])):
-        _, data = posed(episodes[0], step)
+        model, data = posed(episodes[0], step)
         assert pos[step] == pytest.approx(data.camera("wrist").xpos, abs=1e-5)
         assert mats[step] == pytest.approx(data.camera("wrist").xmat.reshape(3, 3), abs=1e-5)
     assert len(shown.column("/scene/cameras/wrist_rgb", "EncodedImage:blob")) == len(episodes[0]) + 1
     (focal, *_) = shown.numbers("/scene/cameras/wrist_rgb", "Pinhole:image_from_camera")
-    assert focal == pytest.approx(12.0 / np.tan(np.deg2rad(75.0) / 2), rel=1e-6)
+    assert focal == pytest.approx(12.0 / np.tan(np.deg2rad(model.cam("wrist").fovy[0]) / 2), rel=1e-6)
 
 
 def test_a_flight_without_states_keeps_its_signals_and_says_so(

@@ -30,6 +30,7 @@ NO_ERROR = Estimation(0.0, 0.0, 0.0, 0.0, 0.0, force_bias=0.0, force_noise=0.0, 
 ENCODERS = {"joint_pos", "joint_vel", "gripper"}
 MARKED = {"lap", "peak_force", "slip", "load_vel", "ball_vel"}  # of which the page says that no robot has them
 COUNTED = {"turn", "is_in", "dirt", "wiped", "through", "picked"}  # told apart without a measure: exact in every tier
+COUNTED |= {"thrust_share", "perched_s"}  # the robot's own rotors, and its own clock
 type Load = Callable[..., BatchEnvironment]
 
 
