@@ -10,7 +10,7 @@ The networks estimate what the specification of the observations says is to be s
 are fused over cameras and time (:mod:`aerial_il.policies.perception`). With ``rounds=0`` nothing but the demonstrations
 is looked at.
 
-Metrics, one row per round: ``loss``, ``frames`` seen so far, ``flights`` and ``flights_solved`` of its own, and on
+Metrics, one row per round: ``loss``, ``flights`` and ``flights_solved`` of its own, and on
 frames of flights that were held out ``validation/<field>``: root mean square of the error per number, in the field's
 unit, where the field is a place and in view, or in the field's own numbers.
 
@@ -32,6 +32,7 @@ from typing import Any, ClassVar
 import mujoco
 import numpy as np
 import torch
+from torch import Tensor, nn
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.problem import Collect
@@ -41,10 +42,12 @@ from aerial_il.algorithms.run.folder import PRIOR, RunFolder
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
 from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
+from aerial_il.algorithms.supervised.training_set import split
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.composition import plain
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import sync_folder
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.scene_gate import compiled
@@ -57,7 +60,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.eyes import Eyes
-from aerial_il.policies.perception.network import loss_of, split, told_size
+from aerial_il.policies.perception.network import loss_of, told_of
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import PLACE, Targets
 
@@ -205,10 +208,7 @@ class _Run:
     ) -> None:
         self.settings, self.folder, self.env, self.seed, self.progress = settings, folder, env, seed, progress
         self.collect, self.pilot = collect, pilot
-        held_out = max(1, round(settings.validation * len(demos))) if len(demos) > 1 else 0
-        order = named_rng(seed, "validation").permutation(len(demos))
-        self.shown = [demos[i] for i in np.sort(order[held_out:])]
-        self.held_out = [demos[i] for i in np.sort(order[:held_out])]
+        self.shown, self.held_out = split(demos, settings.validation, seed=seed)
         spec = demos[0].spec
         flights = [demo.obs for demo in self.shown]
         targets = Targets.of(spec.observation, flights, pilot.interface.layout.names)
@@ -273,6 +273,7 @@ class _Run:
         options = {"longest": longest, "progress": self.progress}
         self.collect(self.env, self._policy(number), seeds, aside, policy_name="perception", settings=tags, **options)
         os.replace(aside, place)
+        sync_folder(place.parent)
 
     def _own_flights(self, number: int) -> list[Episode]:
         return [*open_dataset(self._place(number), failures=True)]
@@ -314,24 +315,14 @@ class _Run:
         settings, lessons = self.settings, self._lessons(number)
         steps = settings.more_steps if number else settings.steps
         peak, rng = settings.lr * (0.5 if number else 1.0), named_rng(self.seed, "minibatches", str(number))
-        learner = Learner(
-            self.eyes,
-            weight_decay=settings.weight_decay,
-            ema=settings.ema,
-            clip_norm=settings.clip_norm,
-        )
+        kept = {name: getattr(settings, name) for name in ("weight_decay", "ema", "clip_norm")}
+        learner = Learner(self.eyes, **kept)
         losses = []
         with Progress(total=steps, desc=f"train {settings.name}", unit="step", disable=not self.progress) as bar:
             for step in range(steps):
                 rows = rng.integers(len(lessons[0].images), size=settings.batch_size)
-                with precision("cpu", mixed=settings.mixed_precision):
-                    told = [eye(*each.batch(rows)[:2]) for eye, each in zip(self.eyes.eyes, lessons, strict=True)]
-                loss = torch.stack(
-                    [
-                        loss_of(self.eyes.targets.estimated, out.float(), *each.batch(rows)[2:])
-                        for out, each in zip(told, lessons, strict=True)
-                    ]
-                ).sum()
+                each = [self._loss(eye, lesson, rows) for eye, lesson in zip(self.eyes.eyes, lessons, strict=True)]
+                loss = torch.stack(each).sum()
                 learner.descend(loss, lr=peak * cosine(step / steps, step, warmup_steps=200, floor=0.02), logged={})
                 losses.append(loss.item())
                 bar.update()
@@ -340,6 +331,13 @@ class _Run:
         self.eyes.load_state_dict(learner.averaged.state_dict())
         self.eyes.eval()
         return float(np.mean(losses[-100:]))
+
+    def _loss(self, eye: nn.Module, lessons: Lessons, rows: np.ndarray) -> Tensor:
+        """Return the loss of what is told behind one camera of a minibatch of frames."""
+        images, known, labels, visible = lessons.batch(rows)
+        with precision("cpu", mixed=self.settings.mixed_precision):
+            told = eye(images, known)
+        return loss_of(self.eyes.targets.estimated, told.float(), labels, visible)
 
     @torch.inference_mode()
     def _errors(self) -> dict[str, float]:
@@ -352,11 +350,9 @@ class _Run:
         for camera, eye, lessons in cameras:
             pose = camera.pose(frames.obs)
             images, known, _, visible = lessons.batch(np.arange(len(frames)))
-            told, start = eye(images, known), 0
-            for target, seen in zip(self.eyes.targets.estimated, visible, strict=True):
-                mean, _, _ = split(target, told[:, start : start + told_size(target)])
-                start += told_size(target)
-                values = mean.numpy().astype(float)
+            targets = self.eyes.targets.estimated
+            for target, told, seen in zip(targets, told_of(targets, eye(images, known)), visible, strict=True):
+                values = told.mean.numpy().astype(float)
                 if target.kind == PLACE and seen is not None:
                     found, rows = pose.placed(camera.unproject(values)), seen.numpy() > 0
                 else:

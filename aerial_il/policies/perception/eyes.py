@@ -14,7 +14,7 @@ from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.relative import rotations
 from aerial_il.policies.perception.cameras import Camera, Pose
-from aerial_il.policies.perception.network import Eye, split, told_size
+from aerial_il.policies.perception.network import Eye, told_of
 from aerial_il.policies.perception.relations import sources_of
 from aerial_il.policies.perception.targets import NUMBER, PLACE, Targets
 from aerial_il.policies.perception.tracker import Tracker
@@ -95,24 +95,21 @@ class Eyes(nn.Module):
     ) -> None:
         whole = np.zeros((len(mask), told.shape[1]))
         whole[mask] = told
-        start = 0
-        for target in self.targets.estimated:
-            part = torch.from_numpy(whole[:, start : start + told_size(target)])
-            start += told_size(target)
-            mean, spread, logits = split(target, part)
-            told_of, sigma = mean.numpy(), np.exp(spread.numpy())
+        targets = self.targets.estimated
+        for target, (mean, spread, logits) in zip(targets, told_of(targets, torch.from_numpy(whole)), strict=True):
+            means, sigma = mean.numpy(), np.exp(spread.numpy())
             if target.kind == PLACE:
                 assert logits is not None
-                seen, cov = mask & (logits.numpy() > PRESENT), camera.spread(told_of, sigma)
+                seen, cov = mask & (logits.numpy() > PRESENT), camera.spread(means, sigma)
                 expected = camera.in_view(pose.seen(tracker.estimate(target.field)))
                 tracker.doubt(target.field, mask & expected & (logits.numpy() < ABSENT))
                 turn = pose.rot
-                values = pose.placed(camera.unproject(told_of))
+                values = pose.placed(camera.unproject(means))
                 tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2), carried.now(values))
             else:
                 unit = target.scale if target.kind == NUMBER else 1.0
-                variance = np.broadcast_to(np.square(sigma * unit), told_of.shape)
-                tracker.tell(target.field, mask, target.decode(told_of, pose), variance)
+                variance = np.broadcast_to(np.square(sigma * unit), means.shape)
+                tracker.tell(target.field, mask, target.decode(means, pose), variance)
 
     def complete(self, obs: Observation, estimates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)`` of all that a robot looks for: estimated, constant, and what follows from them."""

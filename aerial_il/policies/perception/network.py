@@ -11,6 +11,7 @@ Networks", 2022, equation 5 (a likelihood weighted by the variance to the power 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -66,11 +67,24 @@ def told_size(target: Target) -> int:
     return target.size + deviations + (target.kind == PLACE)
 
 
-def split(target: Target, told: Tensor) -> tuple[Tensor, Tensor, Tensor | None]:
-    """Return means (B, D), log deviations (B, D or 1) and, of a place, logits (B,) of what is told (B, S)."""
-    spread = told[:, target.size : told_size(target) - (target.kind == PLACE)]
-    logits = told[:, -1] if target.kind == PLACE else None
-    return told[:, : target.size], spread.clamp(SHARPEST, BLUREST), logits
+class Told(NamedTuple):
+    """What is told of a target: means (B, D), log deviations (B, D or 1) and, of a place, logits (B,)."""
+
+    mean: Tensor
+    spread: Tensor
+    logits: Tensor | None
+
+
+def told_of(targets: Sequence[Target], told: Tensor) -> list[Told]:
+    """Return what is told of each target, of all that a network tells (B, S)."""
+    sizes = [told_size(target) for target in targets]
+    return [_split(target, part) for target, part in zip(targets, told.split(sizes, 1), strict=True)]
+
+
+def _split(target: Target, part: Tensor) -> Told:
+    spread = part[:, target.size : told_size(target) - (target.kind == PLACE)]
+    logits = part[:, -1] if target.kind == PLACE else None
+    return Told(part[:, : target.size], spread.clamp(SHARPEST, BLUREST), logits)
 
 
 def loss_of(
@@ -83,10 +97,7 @@ def loss_of(
         visible: of each place (B,) 1 where it is in the image; None of others.
     """
     losses = []
-    for target, part, label, seen in zip(
-        targets, told.split([*map(told_size, targets)], 1), labels, visible, strict=True
-    ):
-        mean, spread, logits = split(target, part)
+    for (mean, spread, logits), label, seen in zip(told_of(targets, told), labels, visible, strict=True):
         each = (0.5 * (label - mean).square() * torch.exp(-2 * spread) + spread) * torch.exp(2 * BETA * spread).detach()
         if logits is None:
             losses.append(each.mean())
