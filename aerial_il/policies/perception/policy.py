@@ -43,7 +43,7 @@ class PerceivingPolicy(ChunkPolicy):
         interface = replace(pilot.interface, layout=Layout.of(pilot.spec, config))
         super().__init__(config, interface, StateOnly(pilot.network), pilot.origin if origin is None else origin)
         self.pilot, self.eyes, self.every, self.forget = pilot, eyes.eval(), every, forget
-        self._tracker = Tracker(eyes.targets.estimated, forget)
+        self._tracker = Tracker(eyes.targets.estimated, forget, eyes.targets.rates)
         self._steps, self._past = np.zeros(0, int), dict[str, np.ndarray]()
 
     def look(self, obs: Observation) -> Question | None:
@@ -148,7 +148,7 @@ class PerceivingPolicy(ChunkPolicy):
     @property
     def _seen(self) -> tuple[str, ...]:
         targets = self.eyes.targets
-        found = {each.field for each in (*targets.estimated, *targets.sums)} | {*targets.constant}
+        found = {each.field for each in (*targets.estimated, *targets.sums, *targets.rates)} | {*targets.constant}
         return tuple(name for name in super()._seen if name not in found)
 
 

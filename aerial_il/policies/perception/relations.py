@@ -1,8 +1,9 @@
-"""Displacements that follow from places: found in the data, so that what is estimated of one thing agrees.
+"""What follows from what is estimated: found in the data, so that all that is known of one thing agrees.
 
 A task shows where a cube is, and also how far it is from the tool and the bowl from it. Only the places need to be
 estimated. Which displacements are sums of places, of the tool's pose and of axes, with which coefficients, is read off
-the demonstrations by least squares: it holds in every step, or it is none.
+the demonstrations by least squares: it holds in every step, or it is none. Likewise no single image shows how fast a
+door turns: which fields are rates of others is read off how these change.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from aerial_il.core.specs import ObservationSpec
 from aerial_il.policies.parts.relative import rotations
 
 EXACT_M = 1e-3  # root mean square of what a sum may miss
+EXPLAINED = 0.8  # least share of a rate's square that changes of its field explain: some rates are smoothed
+HORIZON = 10  # steps over which a rate's drift is measured: what changes it goes on for more than one
 TOOL = ("ee_pos", "ee_rot6d")
 AXES = ("tool x", "tool y", "tool z")
 
@@ -31,6 +34,21 @@ class Sum:
     def of(self, sources: Mapping[str, np.ndarray]) -> np.ndarray:
         """Return the field (n, 3)."""
         return np.sum([factor * sources[name] for name, factor in self.terms], axis=0)
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A field that is the rate of another: ``factor`` times what ``of`` changes by in a control step.
+
+    Attributes:
+        square: mean square of it in the demonstrations. drift: by which the square of its change grows in a step.
+    """
+
+    field: str
+    of: str
+    factor: float
+    square: float
+    drift: float
 
 
 def places_of(spec: ObservationSpec) -> tuple[str, ...]:
@@ -59,6 +77,33 @@ def find_sums(spec: ObservationSpec, obs: Observation) -> tuple[Sum, ...]:
         else:
             found.append(Sum(name, tuple((n, float(c)) for n, c in zip(names, terms, strict=True) if c)))
     return tuple(found)
+
+
+def find_rates(spec: ObservationSpec, flights: Sequence[Observation], names: Sequence[str]) -> tuple[Rate, ...]:
+    """Return which of ``names`` are rates of others of them, each of the one whose changes explain it best.
+
+    Args:
+        spec: of the observations. flights: ``name -> (T, D)`` of whole flights, in the order of time.
+    """
+    flights, found = [each for each in flights if len(each["ee_pos"]) > 1], list[Rate]()
+    for rate in (name for name in names if spec[name].unit.endswith("/s")):
+        whose = [n for n in names if (f"{spec[n].unit}/s", spec[n].shape) == (spec[rate].unit, spec[rate].shape)]
+        share, factor, name = max(((*_explained(flights, rate, n), n) for n in whose), default=(0.0, 0.0, ""))
+        if share >= EXPLAINED:
+            values = [each[rate] for each in flights]
+            ahead = min(HORIZON, min(map(len, values)) - 1)
+            drift = np.mean(np.concatenate([each[ahead:] - each[:-ahead] for each in values]) ** 2) / ahead
+            square = np.mean(np.concatenate(values) ** 2)
+            found.append(Rate(rate, name, factor, float(square), float(drift)))
+    return tuple(found)
+
+
+def _explained(flights: Sequence[Observation], rate: str, of: str) -> tuple[float, float]:
+    """Return the share of a rate's mean square that changes of a field explain, and by which factor."""
+    values = np.concatenate([each[rate].ravel() for each in flights])
+    changes = np.concatenate([np.gradient(each[of], axis=0).ravel() for each in flights])
+    factor = float(changes @ values / max(changes @ changes, 1e-12))
+    return 1.0 - float(np.sum((values - factor * changes) ** 2) / max(values @ values, 1e-12)), factor
 
 
 def sources_of(obs: Observation, names: Sequence[str]) -> dict[str, np.ndarray]:

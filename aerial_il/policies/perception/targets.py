@@ -3,14 +3,14 @@
 The specification of the observations decides, no task does. A point in the world is told as where it lies in the image
 and how far away, with whether it is in the image at all. A rotation, an axis or a heading is told as the camera sees
 it, turned with the camera. All else, such as how far a button is pressed, is told as it is. What never varies is not
-estimated, and what follows from other fields is computed (see :mod:`.relations`).
+estimated, and what follows from other fields or from their changes is computed (see :mod:`.relations`).
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.parts.normaliser import hardly_varies
 from aerial_il.policies.parts.relative import rotations, turned
 from aerial_il.policies.perception.cameras import Camera, Pose
-from aerial_il.policies.perception.relations import Sum, axes_of, find_sums, places_of
+from aerial_il.policies.perception.relations import Rate, Sum, find_rates, find_sums
 
 Kind = Literal["place", "rotation", "heading", "number"]
 PLACE, ROTATION, HEADING, NUMBER = "place", "rotation", "heading", "number"
@@ -90,11 +90,13 @@ class Targets:
 
     Attributes:
         estimated: from images. sums: computed from these. constant: field -> its value, which never varied.
+        rates: of estimated fields, told by how these change.
     """
 
     estimated: tuple[Target, ...]
     sums: tuple[Sum, ...]
     constant: Mapping[str, np.ndarray]
+    rates: tuple[Rate, ...] = ()
 
     @staticmethod
     def of(spec: ObservationSpec, flights: Sequence[Observation], names: Sequence[str]) -> Targets:
@@ -103,17 +105,18 @@ class Targets:
         Args:
             spec: of the observations. flights: ``name -> (T, ...)`` of whole flights, in the order of time.
         """
-        wanted = [name for name in spec.to_be_seen if name in names or name in places_of(spec) + axes_of(spec)]
         joined = {n: np.concatenate([each[n] for each in flights]) for n in spec.state_names}
         sums = find_sums(spec, joined)
-        left = [name for name in wanted if name not in {each.field for each in sums}]
+        shown = [name for name in spec.to_be_seen if name not in {each.field for each in sums}]
+        rates = tuple(each for each in find_rates(spec, flights, shown) if each.field in names)
         used = {source for each in sums if each.field in names for source, _ in each.terms} | {*names}
-        constant = {n: joined[n].mean(0) for n in left if hardly_varies(*_extent(joined[n])).all()}
-        estimated = [n for n in left if n not in constant and n in used]
+        told = [n for n in shown if n in used | {r.of for r in rates} and n not in {r.field for r in rates}]
+        constant = {n: joined[n].mean(0) for n in told if hardly_varies(*_extent(joined[n])).all()}
         return Targets(
-            tuple(_target(spec[n], [each[n] for each in flights]) for n in estimated),
+            tuple(_target(spec[n], [each[n] for each in flights]) for n in told if n not in constant),
             tuple(each for each in sums if each.field in names),
-            {name: value for name, value in constant.items() if name in used},
+            constant,
+            rates,
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -122,6 +125,7 @@ class Targets:
             "estimated": [each.to_dict() for each in self.estimated],
             "sums": [{"field": each.field, "terms": [list(term) for term in each.terms]} for each in self.sums],
             "constant": {name: value.tolist() for name, value in self.constant.items()},
+            "rates": [asdict(each) for each in self.rates],
         }
 
     @staticmethod
@@ -129,7 +133,8 @@ class Targets:
         """Undo :meth:`to_dict`."""
         sums = (Sum(each["field"], tuple((str(n), float(c)) for n, c in each["terms"])) for each in raw["sums"])
         constant = {name: np.array(value, float) for name, value in raw["constant"].items()}
-        return Targets(tuple(map(Target.from_dict, raw["estimated"])), tuple(sums), constant)
+        rates = (Rate(**each) for each in raw.get("rates", ()))
+        return Targets(tuple(map(Target.from_dict, raw["estimated"])), tuple(sums), constant, tuple(rates))
 
 
 def yaw_of(pose: Pose) -> np.ndarray:

@@ -2,8 +2,9 @@
 
 A place is followed under two hypotheses, that it rests in the world and that it moves with the tool, each a Kalman
 filter; how likely each is follows from what they predict (interacting multiple models). So nothing says when something
-has been grasped: the images do. All other fields drift as much as they did in the demonstrations. The errors of one
-frame are much like those of the next, so that what is known is forgotten a little with each.
+has been grasped: the images do. A field whose rate is wanted, too, goes on at that rate, which its changes tell: a
+Kalman filter of both. All other fields drift as much as they did in the demonstrations. The errors of one frame are
+much like those of the next, so that what is known is forgotten a little with each.
 
 Source: H. Blom and Y. Bar-Shalom, "The Interacting Multiple Model Algorithm for Systems with Markovian Switching
 Coefficients", 1988.
@@ -15,6 +16,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from aerial_il.policies.perception.relations import Rate
 from aerial_il.policies.perception.targets import PLACE, Target
 
 SWITCH = 0.02  # chance, from one frame to the next, that what rested moves with the tool, or the other way round
@@ -29,11 +31,16 @@ class Tracker:
 
     Args:
         targets: what is followed. forget: share of what is known that is kept from one frame to the next.
+        rates: of some of them that are wanted, too.
     """
 
-    def __init__(self, targets: Sequence[Target], forget: float) -> None:
-        self.targets, self._forget = tuple(targets), forget
-        self._filters = {each.field: (_Place if each.kind == PLACE else _Numbers)(each, forget) for each in targets}
+    def __init__(self, targets: Sequence[Target], forget: float, rates: Sequence[Rate] = ()) -> None:
+        self.targets, self._rates = tuple(targets), tuple(rates)
+        moving = {
+            rate.of: _Moving(target, forget, rate) for rate in rates for target in targets if target.field == rate.of
+        }
+        still = {each.field: (_Place if each.kind == PLACE else _Numbers)(each, forget) for each in targets}
+        self._filters: dict[str, _Place | _Numbers | _Moving] = {**still, **moving}
 
     def begin(self, mask: np.ndarray) -> None:
         """Know nothing of the worlds in ``mask`` (n,) bool but what is ordinary."""
@@ -75,7 +82,8 @@ class Tracker:
 
     def estimates(self) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)``."""
-        return {each.field: each.straightened(self._filters[each.field].estimate()) for each in self.targets}
+        told = {each.field: each.straightened(self._filters[each.field].estimate()) for each in self.targets}
+        return told | {each.field: self._filters[each.of].mean[..., 1] for each in self._rates}
 
     def deviations(self) -> dict[str, np.ndarray]:
         """Return ``field -> (n,)``, how sure each estimate is: root mean square over its numbers, in its unit."""
@@ -130,6 +138,55 @@ class _Numbers:
 
     def deviation(self) -> np.ndarray:
         return np.sqrt(self.var.mean(1))
+
+
+class _Moving:
+    """A field that goes on at its rate: for each of its numbers the mean and the covariance of both."""
+
+    def __init__(self, target: Target, forget: float, rate: Rate) -> None:
+        self._keep, self._centre, step = forget, target.centre, 1.0 / rate.factor
+        self._onward = np.array([[1.0, step], [0.0, 1.0]])
+        self._drift = rate.drift * np.array([[step**2 / 3.0, step / 2.0], [step / 2.0, 1.0]])
+        rates = np.full(target.size, rate.square)
+        self._unknown = np.square(UNKNOWN) * np.stack([np.square(target.scale), rates], axis=1)
+        self.mean, self.cov = np.zeros((0, target.size, 2)), np.zeros((0, target.size, 2, 2))
+
+    def begin(self, mask: np.ndarray) -> None:
+        if len(self.mean) != (n := len(mask)):
+            size = len(self._centre)
+            self.mean, self.cov = np.zeros((n, size, 2)), np.zeros((n, size, 2, 2))
+        self.mean[mask] = np.stack([self._centre, np.zeros_like(self._centre)], axis=1)
+        self.cov[mask] = self._unknown[:, :, None] * np.eye(2)
+
+    def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
+        self.mean = self.mean @ self._onward.T
+        self.cov = self._onward @ self.cov @ self._onward.T + self._drift
+
+    def fade(self, mask: np.ndarray) -> None:
+        self.cov[mask] = self._at_most(self.cov[mask] / self._keep)
+
+    def doubt(self, mask: np.ndarray) -> None:
+        self.cov[mask] = self._at_most(self.cov[mask] / DOUBTED)
+
+    def _at_most(self, cov: np.ndarray) -> np.ndarray:
+        """Return covariances (n, D, 2, 2) no larger than those of knowing nothing."""
+        too_much = np.maximum(1.0, np.max(np.diagonal(cov, axis1=2, axis2=3) / self._unknown, axis=-1))
+        return cov / too_much[..., None, None]
+
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
+        cov, noise = self.cov[mask], spread[mask]
+        noise = np.diagonal(noise, axis1=1, axis2=2) if noise.ndim == 3 else noise
+        missed, var = values[mask] - self.mean[mask, :, 0], cov[..., 0, 0]
+        far = np.square(missed) / (var + noise)
+        gain = cov[..., 0] / (var + noise * np.maximum(1.0, far / FAR))[..., None]
+        self.mean[mask] += gain * missed[..., None]
+        self.cov[mask] = cov - gain[..., None] * cov[..., None, 0, :]
+
+    def estimate(self) -> np.ndarray:
+        return self.mean[..., 0].copy()
+
+    def deviation(self) -> np.ndarray:
+        return np.sqrt(self.cov[..., 0, 0].mean(1))
 
 
 class _Place:

@@ -13,7 +13,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.perception.cameras import Camera, Pose
-from aerial_il.policies.perception.relations import find_sums
+from aerial_il.policies.perception.relations import find_rates, find_sums
 from aerial_il.policies.perception.targets import Targets
 
 ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "floating_gripper", "mini_quad_gripper")
@@ -105,6 +105,35 @@ def test_sums_are_found_and_others_are_not():
     assert found == {"tool_to_a": {"a_pos": 1.0, "ee_pos": -1.0}, "end": {"a_pos": 1.0, "axis": pytest.approx(0.04)}}
     obs["tool_to_a"][7] += 0.2  # one step in which it does not hold
     assert [each.field for each in find_sums(SPEC, obs)] == ["end"]
+
+
+TURNING = ObservationSpec(
+    (
+        Field("ee_pos", (3,), unit="m", frame="world"),
+        Field("door_angle", (1,), "task", unit="rad"),
+        Field("valve_angle", (1,), "task", unit="rad"),
+        Field("door_rate", (1,), "task", unit="rad/s"),
+        Field("wheel_rate", (1,), "task", unit="rad/s"),
+    )
+)
+
+
+def test_rates_are_found_and_others_are_not():
+    """Units alone make no rate: the wheel turns by itself, and neither angle tells how fast."""
+    rng = np.random.default_rng(3)
+    times = np.arange(80)[:, None]
+    flights = [{f.name: rng.standard_normal((80, f.size)) for f in TURNING.fields} for _ in range(3)]
+    for number, each in enumerate(flights):
+        each["door_angle"] = np.sin(0.05 * times + number)
+        each["door_rate"] = 0.05 * 50.0 * np.cos(0.05 * times + number)
+    found = find_rates(TURNING, flights, TURNING.to_be_seen)
+    assert [(each.field, each.of) for each in found] == [("door_rate", "door_angle")]
+    assert found[0].factor == pytest.approx(50.0, rel=0.01)
+    targets = Targets.of(TURNING, flights, ("ee_pos", "door_rate", "wheel_rate"))
+    assert [each.field for each in targets.estimated] == ["door_angle", "wheel_rate"], (
+        "the angle, as its rate is wanted"
+    )
+    assert Targets.from_dict(targets.to_dict()).to_dict() == targets.to_dict()
 
 
 def test_what_a_robot_knows_by_itself_is_not_estimated():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from aerial_il.policies.perception.relations import Rate
 from aerial_il.policies.perception.targets import Target
 from aerial_il.policies.perception.tracker import Tracker
 
@@ -116,3 +117,39 @@ def test_worlds_do_not_depend_on_each_other_and_memory_is_all():
     again.begin(np.array([True, False]))
     np.testing.assert_array_equal(again.estimates()["cube"][0], np.zeros(3))
     np.testing.assert_array_equal(again.estimates()["cube"][1], both.estimates()["cube"][1])
+
+
+def test_a_rate_is_told_by_how_its_field_changes():
+    """A door that swings, told by noisy looks at every other step: its rate is none of the looks' differences."""
+    angle = Target("angle", "number", 1, 1, np.zeros(1), np.full(1, 0.4), np.full(1, 3e-5))
+    rate = Rate("rate", "angle", 50.0, 0.08, 3.2e-4)
+    tracker, rng, missed = Tracker([angle], 0.9, [rate]), np.random.default_rng(1), []
+    tracker.begin(BOTH)
+    for step in range(300):
+        truth, turning = 0.4 * np.sin(0.02 * step), 0.4 * np.cos(0.02 * step)
+        tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
+        if step % 2 == 0:
+            tracker.fade(BOTH)
+            tracker.tell("angle", BOTH, truth + 0.01 * rng.standard_normal((2, 1)), np.full((2, 1), 1e-4))
+        if step > 30:
+            missed.append(tracker.estimates()["rate"] - turning)
+    assert np.sqrt(np.mean(np.square(missed))) < 0.06, "differences of looks miss by .35, silence by .28"
+    assert tracker.deviations()["angle"].max() < 0.01
+    kept = tracker.memory()
+    tracker.begin(BOTH)
+    assert not tracker.estimates()["rate"].any()
+    tracker.recall(kept)
+    assert tracker.estimates()["rate"].any()
+
+
+def test_a_place_that_moves_by_itself_is_followed_when_it_is_out_of_sight():
+    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
+    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
+    tracker.begin(BOTH)
+    for step in range(80):
+        tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
+        if step < 60:
+            tracker.fade(BOTH)
+            tracker.tell("ball", BOTH, np.full((2, 3), 0.002 * step), SURE)
+    np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.01)
+    np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.02)
