@@ -10,6 +10,7 @@ decides it: killed at any moment, the same call continues.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
@@ -26,15 +27,18 @@ from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import camera_name
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.perception.policy import PerceivingPolicy
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, judged_once
 from experiments.common.success import failed_seeds, macro_row, pooled_row
+from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
 BLANK, FROZEN = "images blanked", "first frame for ever"
@@ -45,8 +49,9 @@ TASKS = (
 )  # fmt: skip
 MACRO = "all tasks"
 MACRO_PERCENT = {(FLOWN, "calm"): 80.0, (FLOWN, "gusts"): 65.0, (SHOWN, "calm"): 60.0}
-TASK_PERCENT = {"pick_place": 95.0, "press_button": 90.0, "insert_peg": 70.0, "reach": 80.0}
-BLIND_PERCENT, MOST_MIN = 20.0, 60.0
+TASK_PERCENT = {"pick_place": 95.0, "press_button": 90.0, "insert_peg": 70.0}
+STARTS_PERCENT = {"reach": 80.0}  # of the flights that begin with the target in view
+BLIND_PERCENT, MOST_MIN, MOST_MS = 20.0, 60.0, 20.0
 NOTES = (
     "The final policy of each training, none selected. Trainings of an arm differ in their draw: demonstrations (other "
     "seeds), weights and minibatches.",
@@ -54,6 +59,9 @@ NOTES = (
     "hidden from them (observations=onboard). truth: the same policy on all that the simulator knows.",
     "Labels: frames with what was to be seen in them: of the demonstrations, of these redrawn with the objects "
     "elsewhere, and of the policy's own flights, whose number is told.",
+    "Starts: in view are flights at whose start every place that is estimated lies within some camera's image, by "
+    "geometry: what hides it does not count. Time: one world on one thread, the first task's training of each; render "
+    "has a step's physics in it, act goes from images to the action.",
 )
 
 
@@ -112,8 +120,8 @@ class Pixels:
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
         flown_in: tiers of evaluations. controls: fly the first arm with images blanked and frozen, too.
         draws: of demonstrations and weights, one training each. episodes: unseen seeds per evaluation.
-        first_episode: the first of them; 5000 to try settings out. num_envs: worlds flown at once.
-        threads: of the simulation; 0 for all cores.
+        first_episode: the first of them; 5000 to try settings out. timed: control steps of one world that are timed.
+        num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
     """
 
     name: ClassVar[str] = "pixels"
@@ -136,6 +144,7 @@ class Pixels:
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
+    timed: int = 500
     num_envs: int = 50
     threads: int = 0
 
@@ -159,10 +168,27 @@ class Pixels:
         usual = {f: r for f, r in results.items() if f.training.demos == self.demos}
         per_task, macro = [*_per_task(usual, stages)], [*_macro(usual)]
         scaling = [*_per_task(results, stages)] if self.sizes else []
+        seeing = {flight: result for flight, result in usual.items() if self._sees(flight)}
+        starts = [flight.arm | row for flight, result in seeing.items() for row in self._starts(stages, flight, result)]
+        times = [
+            {"task": flight.training.source.task, **self._times(stages, flight)}
+            for flight in seeing
+            if flight.training.source.draw == self.draws[0] and flight.training.method == self.arms[0]
+        ]
         return Report(
             study=self,
-            targets=tuple(self.targets_of(macro, per_task)),
-            tables={"All tasks": macro, "Each task": per_task} | ({"Over demonstrations": scaling} if scaling else {}),
+            targets=(*self.targets_of(macro, per_task, starts), *_in_time(times)),
+            tables={
+                name: rows
+                for name, rows in (
+                    ("All tasks", macro),
+                    ("Each task", per_task),
+                    ("Over demonstrations", scaling),
+                    ("Starts", starts),
+                    ("Time of one world", times),
+                )
+                if rows
+            },
             notes=(*NOTES, *stages.record.notes()),
             details={
                 "failed_seeds": {
@@ -182,6 +208,19 @@ class Pixels:
                 yield from (Flight(training, self.flown_in[0], changed) for changed in (BLANK, FROZEN))
         for draw, demos, task in product(self.draws, sorted({*self.sizes} - {self.demos}), self.tasks):
             yield Flight(self._training(self.arms[0], task, draw, demos), self.flown_in[0])
+
+    def _sees(self, flight: Flight) -> bool:
+        """Return whether it is one of a policy with eyes, in the first tier, with its images as they are."""
+        return flight.tier == self.flown_in[0] and not flight.changed and isinstance(flight.training, Perceived)
+
+    def _starts(self, stages: Stages, flight: Flight, result: EvaluationResult) -> list[Row]:
+        with closing(stages.environment(flight.training.source, flight.tier, self.num_envs)) as env:
+            seeds = [episode.seed for episode in result.episodes]
+            return [*rows_of_starts(result, begins_in_view(env, _eyed(stages, flight), seeds))]
+
+    def _times(self, stages: Stages, flight: Flight) -> Row:
+        with closing(stages.environment(flight.training.source, flight.tier, 1)) as env:
+            return row_of_times(env, _eyed(stages, flight), self.first_episode, self.timed)
 
     def _training(self, arm: str, task: str, draw: int, demos: int) -> Perceived | Cloned:
         cameras = tuple(map(camera_name, self.cameras))
@@ -216,13 +255,19 @@ class Pixels:
             progress=stages.progress,
         )
 
-    def targets_of(self, macro: Sequence[Row], per_task: Sequence[Row]) -> Iterator[Target]:
+    def targets_of(self, macro: Sequence[Row], per_task: Sequence[Row], starts: Sequence[Row]) -> Iterator[Target]:
         """Yield the targets, of what was flown in full."""
         for row in macro:
             if {*TASKS} <= {*self.tasks} and (wanted := MACRO_PERCENT.get((row["sees"], row["tier"]))):
                 yield _target(f"{row['sees']}, {row['tier']}: mean success of {len(self.tasks)} tasks", wanted, row)
             if row["sees"] == f"{FLOWN}, {BLANK}":
                 yield Target(f"{row['sees']}: mean success", "at most", BLIND_PERCENT, row["percent"], "%")
+        for row in starts:
+            wanted = STARTS_PERCENT.get(row["task"])
+            if wanted and (row["sees"], row["starts"]) == (FLOWN, IN_VIEW):
+                yield _target(
+                    f"{row['task']}, {FLOWN}: success of flights that begin with the target in view", wanted, row
+                )
         for row in per_task:
             if (row["sees"], row["tier"]) == (FLOWN, "calm"):
                 if row["task"] in TASK_PERCENT:
@@ -258,6 +303,19 @@ class Misled(Policy):
             first[self._begins] = images[self._begins]
             self._begins = None if name == self._images[-1] else self._begins
         return first
+
+
+def _eyed(stages: Stages, flight: Flight) -> PerceivingPolicy:
+    """Return the policy of a training that is finished."""
+    policy = load_policy(stages.run_of(flight.training))
+    assert isinstance(policy, PerceivingPolicy)
+    return policy
+
+
+def _in_time(rows: Sequence[Row]) -> Iterator[Target]:
+    for row in rows:
+        what = f"{row['task']}: rendering, physics and policy of a step of one world, 99th percentile"
+        yield Target(what, "at most", MOST_MS, row["both_p99_ms"], "ms", f"median {row['both_median_ms']} ms")
 
 
 def grouped(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:

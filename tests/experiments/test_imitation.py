@@ -140,8 +140,13 @@ def test_flying_by_camera_is_judged_beside_its_controls() -> None:
     spread = {"flights_low": 0.0, "flights_high": 100.0, "train_min": 70.0, "tier": "calm"}
     macro = [{"sees": "perception, images blanked", "percent": 25.0, **spread}]
     rows = [{"sees": "perception", "task": "pick_place", "percent": 96.0, **spread}]
-    verdicts = {target.what: target.met for target in study.targets_of(macro, rows)}
+    starts = [
+        {"sees": "perception", "task": "reach", "starts": where, "percent": percent, **spread}
+        for where, percent in (("in view", 79.0), ("out of view", 90.0))
+    ]
+    verdicts = {target.what: target.met for target in study.targets_of(macro, rows, starts)}
     assert verdicts == {
+        "reach, perception: success of flights that begin with the target in view": False,
         "perception, images blanked: mean success": False,
         "pick_place, perception: success": True,
         "pick_place, perception: training": False,

@@ -135,6 +135,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
     },
 }
 REMEASURED = {"loader", "recording"}  # of their few minutes nothing is kept
+TIMED = {"Time of one world"}  # tables that are measured anew
 NEEDS = {"panda": "panda_gym", "sb3": "stable_baselines3"}
 
 
@@ -153,5 +154,8 @@ def test_a_small_study_runs_and_is_not_done_again(name: str, tmp_path: Path) -> 
     json.dumps(report.to_dict(), allow_nan=False)
     if name not in REMEASURED:
         before = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")}
-        assert study(**settings).run(tmp_path, progress=False).tables == report.tables
+        again = study(**settings).run(tmp_path, progress=False)
+        assert {k: v for k, v in again.tables.items() if k not in TIMED} == {
+            k: v for k, v in report.tables.items() if k not in TIMED
+        }
         assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.json")} == before
