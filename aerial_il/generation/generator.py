@@ -1,5 +1,6 @@
 """The policy that flies what was generated: for each world a source, its segments moved to where things are."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
@@ -7,6 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from aerial_il.core.arrays import length
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.rotations import rot6d_from_mat
@@ -136,8 +138,7 @@ class Generator:
             for felt, state in zip(self._felt, self._env.get_state(), strict=True):
                 felt.append(self._sensor.at(state))
         bounds = self._spec.action
-        rows = [self._command(i, world) for i, world in enumerate(self._worlds) if world is not None]
-        self.expert_action = bounds.clip(np.stack(rows)[:, : bounds.size])
+        self.expert_action = bounds.clip(self._commands()[:, : bounds.size])
         action = self.expert_action.copy()
         share = np.where(self.phase == 0, NOISE_ON_THE_WAY, NOISE_AT_THINGS)
         action[:, :3] += share[:, None] * self._wander.drawn(self._env.seeds)
@@ -168,18 +169,46 @@ class Generator:
         pressed, most = pressing(self._felt[world]), self._most_force
         return "" if most is None or pressed <= most else f"pressed with {pressed:.1f} N, more than {most:.1f} N"
 
+    def _commands(self) -> np.ndarray:
+        """Return the commands (n, 10): on the way to a path ahead of the tool, of a path its own."""
+        worlds = [world for world in self._worlds if world is not None]
+        self._arrive(worlds)
+        self.phase[:] = [world.phase if world.arrived else 0 for world in worlds]
+        actions = np.empty((len(worlds), 10))
+        on_the_way = [i for i, world in enumerate(worlds) if not world.arrived]
+        if on_the_way:
+            actions[on_the_way] = self._ahead(on_the_way, [worlds[i] for i in on_the_way])
+        for i, world in enumerate(worlds):
+            if world.arrived:
+                actions[i] = self._command(i, world)
+        return actions
+
+    def _arrive(self, worlds: Sequence[_World]) -> None:
+        """Let worlds whose tool has come to the next point of its way go on from there."""
+        tool = self._env.simulation.view.tool_pos
+        near = (
+            length(tool - np.stack([world.way[0] if world.way else world.path.there[0] for world in worlds])) < NEAR_M
+        )
+        for i in np.flatnonzero(near & (self._diversion.left == 0)):
+            world = worlds[i]
+            if not world.arrived:
+                world.way.pop(0)
+                world.arrived = not world.way
+
+    def _ahead(self, indices: Sequence[int], worlds: Sequence[_World]) -> np.ndarray:
+        """Return commands (k, 10) ahead of tools, as experts give them: they depend on where the tools are alone."""
+        view = self._env.simulation.view
+        pos = led(view.tool_pos[indices], np.stack([world.way[0] for world in worlds]))
+        faced = rot6d_from_mat(np.stack([world.path.faced[0] for world in worlds]))
+        turned = turned_towards(view.tool_mat[indices], faced, TURN_RAD)
+        return np.concatenate([pos, turned, [[world.opening] for world in worlds]], axis=1)
+
     def _command(self, i: int, world: _World) -> np.ndarray:
-        """Return the command of a world, the same until the tool has come to where it belongs."""
+        """Return the command (10,) of a path, the same until the tool has come to where it belongs."""
         tool = self._env.simulation.view.tool_pos[i]
-        if not world.arrived and not self._diversion.left[i] and np.linalg.norm(tool - world.way[0]) < NEAR_M:
-            world.way.pop(0)
-            world.arrived = not world.way
-        self.phase[i] = world.phase if world.arrived else 0
-        if not world.arrived:
-            return self._on_the_way(i, world)
         step = min(world.step, len(world.path) - 1)
         aside = self._slipped(i, world, step)
-        late = np.linalg.norm(tool - world.path.there[step] - aside) > world.path.slack[step]
+        late = math.dist(tool, world.path.there[step] + aside) > world.path.slack[step]
         if late and world.waited < PATIENCE_STEPS:
             world.waited += 1
         else:
@@ -188,13 +217,6 @@ class Generator:
         action[:3] = world.path.sent(step) + aside
         return action
 
-    def _on_the_way(self, i: int, world: _World) -> np.ndarray:
-        """Return a command ahead of the tool, as experts give it: what it is depends on where the tool is alone."""
-        view, path, own = self._env.simulation.view, world.path, slice(i, i + 1)
-        pos = led(view.tool_pos[own], world.way[0][None])
-        turned = turned_towards(view.tool_mat[own], rot6d_from_mat(path.faced[:1]), TURN_RAD)
-        return np.concatenate([pos[0], turned[0], [world.opening]])
-
     def _slipped(self, i: int, world: _World, step: int) -> np.ndarray:
         """Return by how much (3,) m a carried thing lies elsewhere in the gripper than in the source."""
         offset, view = world.path.offset[step], self._env.simulation.view
@@ -202,7 +224,7 @@ class Generator:
             return np.zeros(3)
         place, _ = view.free_joint(self._joints[world.flown.carried])
         aside = view.tool_pos[i] - view.qpos[i, place][:3] - offset
-        return aside if np.linalg.norm(aside) < HELD_M else np.zeros(3)
+        return aside if math.hypot(*aside) < HELD_M else np.zeros(3)
 
     def _plan(self) -> None:
         """Give each world that has flown its path the next one."""

@@ -44,7 +44,7 @@ class Path:
         """(K,) bool: after which steps the fingers move."""
         return np.abs(np.diff(self.gripper, append=self.gripper[-1])) > GRIP_SHARE
 
-    @property
+    @cached_property
     def slack(self) -> np.ndarray:
         """(K,) m, how far the tool may be from where it is expected before a command waits for it."""
         return np.where(self.grips, LATE_TO_GRIP_M, LATE_M)
