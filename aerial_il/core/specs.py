@@ -303,6 +303,8 @@ class EnvSpec:
 
         Of a field of the observation that one of them lacks, only the shape is named.
         """
+        if self is other:  # as of all recordings of one environment
+            return []
         mine, theirs = _flat(_plain(self)), _flat(_plain(other))
         others = sorted((mine.keys() | theirs.keys()) - set(FIRST_NAMED))
         lacked = set(self.observation.names) ^ set(other.observation.names)
