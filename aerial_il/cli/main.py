@@ -10,7 +10,7 @@ import sys
 from functools import cache
 
 from aerial_il.cli import commands
-from aerial_il.core.errors import AerialError
+from aerial_il.core.errors import AerialError, shortened
 from aerial_il.core.interruption import heard
 
 OK, FAILED, BAD_USAGE = 0, 1, 2
@@ -134,12 +134,8 @@ class _PlainFormatter(logging.Formatter):
 def _of_a_path(error: OSError) -> str:
     """Return what is wrong with a path, which some libraries do not name apart from their message."""
     if error.filename is None:
-        return _shortened(str(error).rstrip("."), 300)
-    return f"{_shortened(str(error.filename))} cannot be such a path: {error.strerror}"
-
-
-def _shortened(text: str, most: int = 60) -> str:
-    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
+        return shortened(str(error).rstrip("."), 300)
+    return f"{shortened(str(error.filename))} cannot be such a path: {error.strerror}"
 
 
 def _complain(text: str) -> None:

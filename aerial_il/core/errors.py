@@ -167,3 +167,8 @@ class StorageError(AerialError):
     def __init__(self, path: object, error: OSError, hint: str = "") -> None:
         self.path, self.error = str(path), error
         super().__init__(f"{path}: cannot be written ({error.strerror or error}). {hint}".rstrip())
+
+
+def shortened(text: str, most: int = 60) -> str:
+    """Return at most so many characters of what an error names, and how many there are."""
+    return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"

@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.composition import dotted
+from aerial_il.core.errors import InvalidValueError, shortened
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import KINDS, DatasetFolder
 from aerial_il.data.provenance import conditions_of, made_by
@@ -56,4 +57,7 @@ def _one_of_each(folder: DatasetFolder) -> dict[str, Path]:
 
 
 def _differences(there: Mapping[str, Any], mine: Mapping[str, Any]) -> list[str]:
-    return [f"{key} {there[key]} != {mine[key]}" for key in mine if there[key] != mine[key]]
+    """Return each key that differs, of nested mappings the innermost alone, with both values."""
+    one, other = ({key: leaf for key, leaf in dotted(each).items() if leaf != {}} for each in (there, mine))
+    keys = (key for key in dict.fromkeys((*one, *other)) if one.get(key) != other.get(key))
+    return [f"{key} {shortened(str(one.get(key)))} != {shortened(str(other.get(key)))}" for key in keys]

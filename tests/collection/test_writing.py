@@ -175,7 +175,8 @@ def test_other_seeds_of_the_same_kind_are_added(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changed", "named"),
     [
-        ({"settings": {"noise": 0.3}}, "settings {'noise': 0.0} != {'noise': 0.3}"),
+        ({"settings": {"noise": 0.3}}, "other settings: settings.noise 0.0 != 0.3 (existing"),
+        ({"settings": {"noise": 0.0, "note": 99 * "a"}}, f"settings: settings.note None != {60 * 'a'}... (99 characters) ("),
         ({"policy_name": "a"}, "expert != a"),
     ],
 )
@@ -213,7 +214,7 @@ def calm(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("words", "named"),
     [
         (["tier=gusts"], "tier calm != gusts"),
-        (["expert.noise=0.2"], "'noise': 0.2"),
+        (["expert.noise=0.2"], "settings.noise 0.3 != 0.2"),
         (["controller=pid"], "controller geometric_observer != pid"),
         (["action=velocity"], "another environment"),
         (["robot=fa_hexa_arm4", "task=reach"], "another environment"),

@@ -120,7 +120,7 @@ def test_what_differs_is_named(cranes: Recorded, tmp_path: Path, capsys: pytest.
     assert "max_steps: 60 != 120" in capsys.readouterr().err
     noisy = str(cranes(0, 3, noise=0.01))
     assert main(["merge", noisy, *words]) == 2
-    assert "settings {'noise': 0.01} != {'noise': 0.0}" in capsys.readouterr().err
+    assert "settings.noise 0.01 != 0.0" in capsys.readouterr().err
     assert main(["merge", str(cranes(0, 3, "human:ben")), *words]) == 2
     told = capsys.readouterr().err
     assert "policy human:ben != expert" in told

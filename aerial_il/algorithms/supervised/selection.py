@@ -87,7 +87,7 @@ def _ranks(demos: Sequence[Episode], quality: Quality) -> np.ndarray:
     """Return the rank (E,) of each demonstration, the best being 0; equally good ones keep their order."""
     badness = {
         "duration": lambda demo: len(demo) * demo.spec.control_dt_s,
-        "smoothness": lambda demo: jerk(demo),
+        "smoothness": lambda demo: roughness(demo),
         "reward": lambda demo: -float(np.mean(demo.rewards)),
     }
     ranks = np.empty(len(demos), int)
@@ -95,7 +95,10 @@ def _ranks(demos: Sequence[Episode], quality: Quality) -> np.ndarray:
     return ranks
 
 
-def jerk(demo: Episode) -> float:
-    """Return the root mean square third difference of the actions, each element as a share of its range."""
+def roughness(demo: Episode) -> float:
+    """Return the root mean square third difference of the actions, each element as a share of its range.
+
+    Switches and turns count; in the ``jerk`` of :mod:`aerial_il.data.quality` they do not.
+    """
     scaled = demo.executed_actions / (demo.spec.action.high - demo.spec.action.low)
     return float(np.sqrt(np.mean(np.diff(scaled, n=3, axis=0) ** 2))) if len(demo) > 3 else 0.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aerial_il.algorithms.bc import BC
-from aerial_il.algorithms.supervised.selection import jerk
+from aerial_il.algorithms.supervised.selection import roughness
 from aerial_il.algorithms.supervised.training_set import Shuffle, cut_windows, digest_of, read_demos, window_weights
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.data.episode import Episode
@@ -49,7 +49,7 @@ def test_the_better_half_is_kept_in_its_order(demos: list[Episode]) -> None:
     rough = [
         replace(d, executed_actions=d.executed_actions + 0.1 * (-1.0) ** np.arange(len(d))[:, None]) for d in demos
     ]
-    assert all(jerk(a) > jerk(b) for a, b in zip(rough, demos, strict=True))
+    assert all(roughness(a) > roughness(b) for a, b in zip(rough, demos, strict=True))
     kept, _ = replace(EVERYONE, keep=0.5, quality="smoothness").apply([*rough[:3], *demos[3:]])
     assert uids(kept) == ["demo-3", "demo-4", "demo-5"]
     good = [replace(d, rewards=np.full(len(d), 0.1 * k)) for k, d in enumerate(demos)]
