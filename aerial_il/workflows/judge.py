@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
+from aerial_il.core.checks import require_choice
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 
 if TYPE_CHECKING:
@@ -17,20 +20,36 @@ class Judge(Reading):
 
     Attributes:
         dataset: whose successes are judged, against each other.
+        policy: a run that was cloned from it; each of its demonstrations is then judged by its influence, too.
+        flights: recordings of that policy's own flights, successes and failures, as aerial-il fly makes them.
+        output: what of the policy's network is differentiated for that: the square of what it answers, which tells
+            demonstrations apart by where they were flown; or, of flights with noise in their actions, their likelihood.
         keep: write what is found into the dataset, for info, filter and browse; others' data are left alone.
         progress: show a progress bar.
     """
 
     dataset: str
+    policy: str | None = None
+    flights: str | None = None
+    output: Literal["square", "likelihood"] = "square"
     keep: bool = True
     progress: bool = True
 
+    def __post_init__(self) -> None:
+        require_choice(self, "output", Literal["square", "likelihood"])
+        if (self.policy is None) != (self.flights is None):
+            raise InvalidValueError(
+                f"policy={self.policy} and flights={self.flights}: influence takes a run, and recordings of its own "
+                "flights. Fly some: aerial-il fly policy=RUN episodes=100 out=datasets/flown"
+            )
+
 
 def judge(settings: Judge) -> Judgement:
-    """Return what measures say of each success.
+    """Return what measures say of each success, and the influence of each demonstration that ``policy`` learned from.
 
     Raises:
-        InvalidValueError: there are too few. DemoError: the dataset cannot be read.
+        InvalidValueError: there are too few; or the policy was not cloned from them, or nobody can say what its flights
+            owe to which. DemoError: the dataset, or the flights, cannot be read.
     """
     from aerial_il.core.progress import Progress
     from aerial_il.data.dataset import open_dataset
@@ -40,9 +59,37 @@ def judge(settings: Judge) -> Judgement:
 
     dataset = open_dataset(settings.dataset, **settings.answers, states=False)
     bar = Progress(dataset, desc="judge", unit="ep", total=len(dataset), disable=not settings.progress)
+    influence = _influence(settings)
     found = judged(bar)
+    found = replace(found, columns={**found.columns, **influence})
     if settings.keep and dataset.path.is_dir() and DatasetFolder(dataset.path).spec() is not None:
         for name, values in found.columns.items():
             write_column(dataset.path, name, values)
         return replace(found, kept=True)
     return found
+
+
+def _influence(settings: Judge) -> dict[str, dict[str, float]]:
+    """Return the column of each demonstration's influence on the success of the policy's own flights; none without."""
+    from aerial_il.algorithms.supervised.influence import influence
+    from aerial_il.data.dataset import open_dataset
+    from aerial_il.evaluation.training_run import read_run
+    from aerial_il.policies import load_policy
+    from aerial_il.workflows.parts.learned_from import learned_from
+
+    if settings.policy is None or settings.flights is None:
+        return {}
+    learned, policy = learned_from(read_run(settings.policy), settings.dataset), load_policy(settings.policy)
+    flights = open_dataset(settings.flights, failures=True, states=False, cameras=policy.config.images)
+    for flight in flights.one_of_each():
+        _require_own(str(flight.provenance.get("policy")), settings)
+    scores = influence(policy, [*learned.kept, *learned.held_out], flights, output=settings.output)
+    return {"influence": {uid: round(score, 5) for uid, score in scores.items()}}
+
+
+def _require_own(pilot: str, settings: Judge) -> None:
+    if Path(pilot).resolve() != Path(str(settings.policy)).resolve():
+        raise InvalidValueError(
+            f"{settings.flights} was flown by {pilot}, not by {settings.policy}: it says nothing about what that learned "
+            f"from. Fly it: aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
+        )

@@ -2,17 +2,24 @@
 
 Were a demonstration to count a little more in training, the weights would move along the gradient of its loss, through
 the inverse Hessian of the training loss. How much likelier that makes the flights that succeeded, and unlikelier those
-that failed, is its influence. The negative loss of a flight stands for its log-likelihood; the Hessian is that of Gauss
-and Newton, of some windows of each demonstration; all gradients are sketched at random, with the same seed always.
+that failed, is its influence. With ``likelihood`` the negative loss of a flight stands for its log-likelihood: that is
+the definition, and asks for flights with noise in their actions, for a clone that flies what it predicts is always at
+its likeliest. With ``square`` the mean square of what the network answers takes the place of the loss, as in the source's
+own code: demonstrations then count by where they were flown, as the network sees it, and not by what was done there.
+
+The Hessian is that of Gauss and Newton, of some windows of each demonstration; all gradients are sketched at random,
+always with the same seed.
 
 Source: C. Agia et al., "CUPID: Curating Data your Robot Loves with Influence Functions", 2025, definition 1 and
-proposition 1; S. Park et al., "TRAK: Attributing Model Behavior at Scale", 2023, section 3, for the random projection.
+proposition 1; S. Park et al., "TRAK: Attributing Model Behavior at Scale", 2023, section 3, for the random projection;
+X. Zheng et al., "Intriguing Properties of Data Attribution on Diffusion Models", 2024, for ``square``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import torch
@@ -23,62 +30,76 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng, torch_rng, torch_threads
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.network import masked_mean
 
+Output = Literal["square", "likelihood"]
 SKETCH = 2048  # numbers that are kept of a gradient
 CURVED = 16  # windows of a demonstration that tell of the Hessian
-DAMPING = 0.1  # of the Hessian, as a share of its mean eigenvalue in the sketch
+DAMPING = 1.0  # of the Hessian, as a share of its mean eigenvalue in the sketch
 AT_ONCE = 256  # windows
 
 
-def influence(policy: ChunkPolicy, demos: Iterable[Episode], flights: Iterable[Episode]) -> dict[str, float]:
-    """Return uid -> influence of each demonstration; 1 is a usual size of it, below 0 is harm.
+def influence(
+    policy: ChunkPolicy, demos: Iterable[Episode], flights: Iterable[Episode], *, output: Output = "square"
+) -> dict[str, float]:
+    """Return uid -> influence of a step of each demonstration; below 0 is harm, 1 a usual size.
 
     Args:
-        policy: as it was cloned. demos: it was cloned from, or might be; each is read once. flights: of its own,
-            successes and failures, in its environment; each is read once.
+        policy: as it was cloned. demos: that it was cloned from, or might be; each is read once, and some kilobytes are
+            kept of it. flights: of its own, successes and failures, in its environment; each is read once.
+        output: what of the network is differentiated.
 
     Raises:
-        InvalidValueError: all flights succeed, or all fail, or are of another environment; or the policy has no loss
-            for what it was shown.
+        InvalidValueError: all flights succeed, or all fail, or are of another environment; or the policy does not fly
+            what one network answers.
     """
     check_policy(policy)
     with torch_rng(0, "influence"), torch_threads(1):
-        gradients = _Gradients(policy)
+        gradients = _Gradients(policy, output)
         ascent = _ascent(gradients, flights)
         uids, slopes, hessian = _descents(gradients, demos)
-    damped = hessian + DAMPING * hessian.diagonal().mean() * torch.eye(SKETCH, dtype=hessian.dtype)
-    scores = -(slopes @ torch.linalg.solve(damped, ascent)).numpy()
-    return dict(zip(uids, (scores / max(np.sqrt(np.mean(scores**2)), 1e-30)).tolist(), strict=True))
+        damping = DAMPING * hessian.diagonal().mean() * torch.eye(SKETCH, dtype=hessian.dtype)
+        scores = slopes @ torch.linalg.solve(hessian + damping, ascent)
+    return dict(zip(uids, (scores / scores.square().mean().sqrt()).tolist(), strict=True))
 
 
 def check_policy(policy: ChunkPolicy) -> None:
-    """Raise :class:`InvalidValueError` unless what a policy flies is the answer of one network with a loss."""
-    if type(policy) is not ChunkPolicy:
+    """Raise :class:`InvalidValueError` unless a policy flies the one answer that its one network has."""
+    name = policy.config.name if type(policy) is ChunkPolicy else type(policy).__name__
+    if type(policy) is not ChunkPolicy or policy.network.noise_size or name == "categorical":
         raise InvalidValueError(
-            f"{type(policy).__name__} flies what several networks answer, and has no loss of its own for what it flew. "
-            "Influence is known of policies that aerial-il train has cloned: policy=mlp, act, diffusion and the others."
+            f"policy={name} draws what it flies, or flies what several networks answer: what a demonstration does to "
+            "its flights is not known. Influence is known of policy=mlp, act, recurrent, gaussian, squashed_gaussian."
         )
 
 
 def _ascent(gradients: _Gradients, flights: Iterable[Episode]) -> Tensor:
-    """Return the sketched gradient (K,) of the expected success."""
+    """Return the mean over flights of their sketched gradients (K,), each times by how much it exceeds mean success."""
     slopes, won = list[Tensor](), list[float]()
     for flight in flights:
         _require_same(gradients.policy, flight)
-        slopes.append(-gradients.of(replace(flight, expert_actions=np.full_like(flight.actions, np.nan))))
+        windows = gradients.windows(replace(flight, expert_actions=np.full_like(flight.actions, np.nan)))
+        slopes.append(gradients.mean(windows, np.arange(len(windows))))
         won.append(float(flight.success))
-    if not 0 < sum(won) < len(won):
-        all_ = "There is no flight" if not won else f"All {len(won)} flights {'succeed' if won[0] else 'fail'}"
+    if len({*won}) < 2:
+        said = f"All {len(won)} flights {'succeed' if won[0] else 'fail'}" if won else "There is no flight"
         raise InvalidValueError(
-            f"{all_}: without successes and failures to compare, nothing has an influence. Fly more, or in a rougher "
-            "tier where some fail: aerial-il fly policy=RUN episodes=100 tier=gusts out=datasets/flown"
+            f"{said}: without successes and failures to compare, nothing has an influence. Fly more of them, or where "
+            "more succeed or fail: aerial-il fly policy=RUN episodes=100 tier=gusts out=datasets/flown"
         )
-    better = torch.tensor(won, dtype=torch.float64) - np.mean(won)
-    return better @ torch.stack(slopes) / len(won)
+    return (torch.tensor(won, dtype=torch.float64) - np.mean(won)) @ torch.stack(slopes) / len(won)
+
+
+def _require_same(policy: ChunkPolicy, flight: Episode) -> None:
+    if differing := policy.spec.differences(flight.spec):
+        raise InvalidValueError(
+            f"{flight.uid} was flown in another environment than the policy was trained in: "
+            f"{'; '.join(differing[:3])}. Fly the policy where it was trained: aerial-il fly policy=RUN out=PATH"
+        )
 
 
 def _descents(gradients: _Gradients, demos: Iterable[Episode]) -> tuple[list[str], Tensor, Tensor]:
-    """Return names and sketched gradients (E, K) of the demonstrations' losses, and the Hessian (K, K) of them all."""
+    """Return names and sketched gradients (E, K) of the demonstrations, and the Hessian (K, K) of them all."""
     uids, slopes, hessian, steps = list[str](), list[Tensor](), torch.zeros(SKETCH, SKETCH, dtype=torch.float64), 0
     for demo in demos:
         windows = gradients.windows(demo)
@@ -92,13 +113,10 @@ def _descents(gradients: _Gradients, demos: Iterable[Episode]) -> tuple[list[str
 
 
 class _Gradients:
-    """Gradients of a policy's loss by all weights of its network, sketched to K numbers.
+    """Gradients by all weights of a policy's network, sketched: each weight is added to, or taken from, one number."""
 
-    Each weight is added to one of them, or taken from it.
-    """
-
-    def __init__(self, policy: ChunkPolicy) -> None:
-        self.policy = policy
+    def __init__(self, policy: ChunkPolicy, output: Output) -> None:
+        self.policy, self._output = policy, output
         self._weights = [weight for weight in policy.network.parameters() if weight.requires_grad]
         rng, count = named_rng(0, "influence"), sum(weight.numel() for weight in self._weights)
         self._places = torch.from_numpy(rng.integers(SKETCH, size=count))
@@ -110,19 +128,17 @@ class _Gradients:
         return TrainingSet(cut_windows([episode], interface.layout, self.policy.config), interface)
 
     def mean(self, windows: TrainingSet, index: np.ndarray) -> Tensor:
-        """Return the gradient (K,) of the mean loss of the windows at ``index`` (B,)."""
+        """Return the gradient (K,) of the output's mean over the windows at ``index`` (B,)."""
         total = torch.zeros(SKETCH, dtype=torch.float64)
         for start in range(0, len(index), AT_ONCE):
             part = index[start : start + AT_ONCE]
-            loss, _ = self.policy.network.loss(*windows.gather(part))
-            slope = torch.cat([each.flatten() for each in torch.autograd.grad(loss, self._weights)])
-            total.index_add_(0, self._places, (slope * self._signs).double(), alpha=len(part) / len(index))
+            slopes = torch.autograd.grad(self._of(windows, part), self._weights)
+            slope = torch.cat([each.flatten() for each in slopes]) * self._signs
+            total.index_add_(0, self._places, slope.double(), alpha=len(part) / len(index))
         return total
 
-
-def _require_same(policy: ChunkPolicy, flight: Episode) -> None:
-    if differing := policy.spec.differences(flight.spec):
-        raise InvalidValueError(
-            f"{flight.uid} was flown in another environment than the policy was trained in: "
-            f"{'; '.join(differing[:3])}. Fly the policy where it was trained: aerial-il fly policy=RUN out=PATH"
-        )
+    def _of(self, windows: TrainingSet, index: np.ndarray) -> Tensor:
+        obs, actions, valid = windows.gather(index)
+        if self._output == "likelihood":
+            return self.policy.network.loss(obs, actions, valid)[0]
+        return masked_mean(self.policy.network(obs).square(), valid)

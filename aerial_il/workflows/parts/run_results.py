@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.data.reading import Reading
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.presentation.films.video import Footage, film
-from aerial_il.workflows.parts import demonstrations, pilots, results
+from aerial_il.workflows.parts import pilots, results
 
 if TYPE_CHECKING:
     import numpy as np
@@ -39,35 +38,11 @@ def predictions(run: TrainingRun, dataset: str | None) -> tuple[list[Prediction]
 
 def _held_out(run: TrainingRun, dataset: str | None) -> Sequence[Episode]:
     """Return the episodes that ``run`` held out, once it is certain that the dataset is the same still."""
-    from aerial_il.algorithms.bc import BC
-    from aerial_il.algorithms.supervised.selection import Selection
-    from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, window_weights
-    from aerial_il.policies import load_policy
+    from aerial_il.workflows.parts.learned_from import learned_from
 
-    settings = run.config.get("settings", {})
-    recorded, path = run.command.get("dataset", {}), _dataset_of(run, dataset)
-    if run.algorithm != "bc" or "selection" not in settings:
-        raise InvalidValueError(f"which demonstrations {run.algorithm} held out is not known.")
-    if path is None:
-        raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
-    policy = load_policy(run.path).config
-    algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    said = recorded if path == recorded.get("path") else {}
-    episodes = demonstrations.open_demonstrations(
-        path,
-        limit=said.get("episodes"),
-        **{name: said[name] for name in ("others", "weights", "latency_ms", "language") if name in said},
-        images=policy.images,
-        failures=algorithm.failures,
-        reading=Reading(**said.get("reading", {})),
-    )
-    divided = algorithm.divide(episodes, policy, seed=run.seed)
-    windows = cut_windows(divided.kept, divided.layout, policy)
-    if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
-        raise InvalidValueError(f"{path} is not, or no longer, the dataset that the run was trained on.")
-    if not divided.held_out:
-        raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
-    return divided.held_out
+    if held_out := learned_from(run, dataset).held_out:
+        return held_out
+    raise InvalidValueError("no demonstration was held out. See algorithm.validation.")
 
 
 def _dataset_of(run: TrainingRun, dataset: str | None) -> str | None:
