@@ -90,6 +90,6 @@ def _influence(settings: Judge) -> dict[str, dict[str, float]]:
 def _require_own(pilot: str, settings: Judge) -> None:
     if Path(pilot).resolve() != Path(str(settings.policy)).resolve():
         raise InvalidValueError(
-            f"{settings.flights} was flown by {pilot}, not by {settings.policy}: it says nothing about what that learned "
-            f"from. Fly it: aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
+            f"{settings.flights} was flown by {pilot}, not by {settings.policy}: it does not tell what that learned "
+            f"from whom. Fly it: aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
         )

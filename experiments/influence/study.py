@@ -1,9 +1,9 @@
 """Demonstrations chosen by their influence on what a policy's own flights came to, beside other choices.
 
 The flights of a good and a poor pilot, as in the study of preferences, are cloned; the clone flies, and each
-demonstration is scored by its influence on the success of that. The half with the highest score is cloned again, beside
-a random half and the successes, of which somebody has to say that they are. Of a set with planted bad demonstrations, as
-in the study of quality, it is told how many of the lowest scores are theirs.
+demonstration is scored by its influence on the success of that. The half with the highest score is cloned again,
+beside a random half and the successes, of which somebody has to say that they are. Of a set with planted bad
+demonstrations, as in the study of quality, it is told how many of the lowest scores are theirs.
 """
 
 from __future__ import annotations
@@ -221,8 +221,8 @@ class Influence:
 
 NOTES = (
     "Flights: half the expert's with noise 0.3, all successes; half a poor pilot's, a clone of few of them, whatever "
-    "came of them. Arms: clones of all of them, of the half with the highest influence on 100 flights of that clone, of "
-    "a random half, and of the successes, which are known.",
+    "came of them. Arms: clones of all of them, of the half with the highest influence on 100 flights of that clone, "
+    "of a random half, and of the successes, which are known.",
     "Planted: 10 % of the demonstrations are bad, in six ways; found by influence alone.",
 )
 

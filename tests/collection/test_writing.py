@@ -176,7 +176,10 @@ def test_other_seeds_of_the_same_kind_are_added(tmp_path: Path) -> None:
     ("changed", "named"),
     [
         ({"settings": {"noise": 0.3}}, "other settings: settings.noise 0.0 != 0.3 (existing"),
-        ({"settings": {"noise": 0.0, "note": 99 * "a"}}, f"settings: settings.note None != {60 * 'a'}... (99 characters) ("),
+        (
+            {"settings": {"noise": 0.0, "note": 99 * "a"}},
+            f"settings: settings.note None != {60 * 'a'}... (99 characters) (",
+        ),
         ({"policy_name": "a"}, "expert != a"),
     ],
 )

@@ -4,8 +4,9 @@ Were a demonstration to count a little more in training, the weights would move 
 the inverse Hessian of the training loss. How much likelier that makes the flights that succeeded, and unlikelier those
 that failed, is its influence. With ``likelihood`` the negative loss of a flight stands for its log-likelihood: that is
 the definition, and asks for flights with noise in their actions, for a clone that flies what it predicts is always at
-its likeliest. With ``square`` the mean square of what the network answers takes the place of the loss, as in the source's
-own code: demonstrations then count by where they were flown, as the network sees it, and not by what was done there.
+its likeliest. With ``square`` the mean square of what the network answers takes the place of the loss, as in the
+source's own code: demonstrations then count by where they were flown, as the network sees it, and not by what was done
+there.
 
 The Hessian is that of Gauss and Newton, of some windows of each demonstration; all gradients are sketched at random,
 always with the same seed.

@@ -138,7 +138,7 @@ def test_square_counts_where_a_demonstration_was_flown_and_not_what_was_done_the
         states = rng.normal((place, 1.0, -place), 0.2, (length, 3))
         return recorded(index, states, states @ LAW, success=success)
 
-    flights = [near(1.0, i, 10, success=True) for i in range(10)] + [near(-1.0, i, 40, success=False) for i in range(10)]
+    flights = [near(place, i, 20, success=place > 0.0) for place in (1.0, -1.0) for i in range(10)]
     demos = [near(-1.0 if i % 2 else 1.0, i, int(rng.integers(5, 50)), success=True) for i in range(20)]
     scores = influence(toy.clone, demos, flights)
     assert [score < 0.0 for score in scores.values()] == [bool(i % 2) for i in range(20)]
@@ -168,5 +168,5 @@ def test_flights_of_another_task_are_refused(toy: Toy) -> None:
 def test_a_policy_that_draws_its_actions_is_refused_by_name(toy: Toy) -> None:
     drawing = policy_of(LAW)
     drawing.network.noise_size = 1
-    with pytest.raises(InvalidValueError, match="policy=mlp draws what it flies.*gaussian"):
+    with pytest.raises(InvalidValueError, match=r"policy=mlp draws what it flies.*gaussian"):
         influence(drawing, toy.demos, toy.flights)
