@@ -85,7 +85,8 @@ def half(demos: Sequence[Episode], scores: Sequence[float] | np.ndarray) -> list
 
 def scored(stages: Stages, clone: Any, demos: Sequence[Episode], flights: int) -> dict[str, float]:
     """Return the influence of each demonstration on the success of flights of their clone."""
-    return influence(stages.policy(clone), demos, flown(stages, clone, flights))
+    policy: Any = stages.policy(clone)
+    return influence(policy, demos, flown(stages, clone, flights))
 
 
 def flown(stages: Stages, clone: Any, count: int) -> Dataset:
@@ -190,8 +191,8 @@ class Influence:
         return Mix(arm, source, self.demos, self.policy, self.cloning, poor, self.flights)
 
     def _chosen(self, stages: Stages, task: str) -> Row:
-        """Return who flew the half with the highest scores, in all draws of a task."""
-        kept = experts = solved = 0
+        """Return who flew the half with the highest scores, and what the shortest half is, in all draws of a task."""
+        kept = experts = solved = short = 0
         for draw in self.draws:
             training = self._mix(INFLUENCE, task, draw)
             demos = mixed(stages, training.poor, self.demos)
@@ -199,7 +200,15 @@ class Influence:
             kept += len(best)
             experts += sum(episode.uid in good for episode in best)
             solved += sum(episode.success for episode in best)
-        return {"task": task, "draws": len(self.draws), "kept": kept, "of_the_expert": experts, "successes": solved}
+            short += sum(episode.success for episode in half(demos, [-len(episode) for episode in demos]))
+        return {
+            "task": task,
+            "draws": len(self.draws),
+            "kept": kept,
+            "of_the_expert": experts,
+            "successes": solved,
+            "successes_in_shortest_half": short,
+        }
 
     def _found(self, stages: Stages, task: str) -> Row:
         """Return how many planted demonstrations are among as many with the lowest scores, in the first draw."""
@@ -223,6 +232,7 @@ NOTES = (
     "Flights: half the expert's with noise 0.3, all successes; half a poor pilot's, a clone of few of them, whatever "
     "came of them. Arms: clones of all of them, of the half with the highest influence on 100 flights of that clone, "
     "of a random half, and of the successes, which are known.",
+    "The poor pilot's failures last until the time is up, so the shortest half, which needs no score, is told, too.",
     "Planted: 10 % of the demonstrations are bad, in six ways; found by influence alone.",
 )
 

@@ -87,6 +87,18 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "demos": 6,
         "episodes": 2,
     },
+    "influence": lambda: {
+        "policy": MLP(hidden=(16,)),
+        "cloning": CLONING,
+        "poor": CLONING,
+        "poor_demos": 2,
+        "tasks": ("reach",),
+        "planted": (),
+        "demos": 4,
+        "arms": ("all",),
+        "flights": 2,
+        "episodes": 2,
+    },
     "experts": lambda: {"robots": ("ua_quad_arm4",), "tasks": ("reach",), "tiers": ("calm",), "episodes": 1},
     "from_prior": lambda: {
         "policy": MLP(hidden=(16,)),

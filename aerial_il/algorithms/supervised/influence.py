@@ -88,7 +88,7 @@ def _ascent(gradients: _Gradients, flights: Iterable[Episode]) -> Tensor:
             f"{said}: without successes and failures to compare, nothing has an influence. Fly more of them, or where "
             "more succeed or fail: aerial-il fly policy=RUN episodes=100 tier=gusts out=datasets/flown"
         )
-    return (torch.tensor(won, dtype=torch.float64) - np.mean(won)) @ torch.stack(slopes) / len(won)
+    return (torch.tensor(won, dtype=torch.float64) - sum(won) / len(won)) @ torch.stack(slopes) / len(won)
 
 
 def _require_same(policy: ChunkPolicy, flight: Episode) -> None:
