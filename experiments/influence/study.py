@@ -20,8 +20,10 @@ import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.influence import influence
 from aerial_il.collection.collect import collect
+from aerial_il.core.bounded import read_json
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.files import write_json
 from aerial_il.core.seeding import named_rng
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
@@ -85,8 +87,11 @@ def half(demos: Sequence[Episode], scores: Sequence[float] | np.ndarray) -> list
 
 def scored(stages: Stages, clone: Any, demos: Sequence[Episode], flights: int) -> dict[str, float]:
     """Return the influence of each demonstration on the success of flights of their clone."""
-    policy: Any = stages.policy(clone)
-    return influence(policy, demos, flown(stages, clone, flights))
+    file = stages.place("scores", clone.label, {"clone": clone.decided_by(), "flights": flights}) / "influence.json"
+    if not file.exists():
+        policy: Any = stages.policy(clone)
+        write_json(file, influence(policy, demos, flown(stages, clone, flights)))
+    return dict(read_json(file))
 
 
 def flown(stages: Stages, clone: Any, count: int) -> Dataset:
