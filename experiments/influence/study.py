@@ -181,7 +181,7 @@ class Influence:
             study=self,
             targets=(*_targets(rows),),
             tables={name: table for name, table in tables.items() if table},
-            notes=(*NOTES, *stages.record.notes()),
+            notes=(*NOTES, *([OF_PLANTED] if self.planted else []), *stages.record.notes()),
             details={"failed_seeds": {each.label: failed_seeds(result) for each, result in judged.items()}},
             wall_time_s=stages.seconds(),
         )
@@ -235,11 +235,12 @@ class Influence:
 
 NOTES = (
     "Flights: half the expert's with noise 0.3, all successes; half a poor pilot's, a clone of few of them, whatever "
-    "came of them. Arms: clones of all of them, of the half with the highest influence on 100 flights of that clone, "
-    "of a random half, and of the successes, which are known.",
-    "The poor pilot's failures last until the time is up, so the shortest half, which needs no score, is told, too.",
-    "Planted: 10 % of the demonstrations are bad, in six ways; found by influence alone.",
+    "came of them. The poor pilot's failures last until the time is up, so the shortest half, which needs no score, is "
+    "told, too.",
+    "Clones: all, of all flights; influence, of the half with the highest influence on flights of that clone, on seeds "
+    "of their own; random, of a random half; successes, of those that succeed, where that was known.",
 )
+OF_PLANTED = "Planted: some of the demonstrations are bad, in six ways; found by influence alone."
 
 
 def _rows(judged: Mapping[Mix, EvaluationResult]) -> Iterator[Row]:
