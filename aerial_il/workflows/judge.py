@@ -71,14 +71,14 @@ def judge(settings: Judge) -> Judgement:
 
 def _influence(settings: Judge) -> dict[str, dict[str, float]]:
     """Return the column of each demonstration's influence on the success of the policy's own flights; none without."""
+    if settings.policy is None or settings.flights is None:
+        return {}
     from aerial_il.algorithms.supervised.influence import influence
     from aerial_il.data.dataset import open_dataset
     from aerial_il.evaluation.training_run import read_run
     from aerial_il.policies import load_policy
     from aerial_il.workflows.parts.learned_from import learned_from
 
-    if settings.policy is None or settings.flights is None:
-        return {}
     learned, policy = learned_from(read_run(settings.policy), settings.dataset), load_policy(settings.policy)
     flights = open_dataset(settings.flights, failures=True, states=False, cameras=policy.config.images)
     for flight in flights.one_of_each():
