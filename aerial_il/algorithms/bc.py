@@ -58,6 +58,8 @@ class BC:
             mean; the probability itself is sampled anew for each window, from 0 on. A network that has learned to do
             without any field can be flown with some of them hidden (P. de Haan et al., "Causal Confusion in Imitation
             Learning", 2019).
+        auxiliary: weight of the auxiliary loss of a policy with eyes: how well what is hidden from it, such as where
+            objects are, can be told of each image by a linear layer that does not fly; 0 for none.
         selection: which demonstrations are learned from, and how much each counts.
         waypoints: how the actions of flights by hand are relabelled before they are learned from.
         validation: share of the episodes held out to report the error per action element.
@@ -88,6 +90,7 @@ class BC:
     clip_norm: float = 1.0
     obs_noise: float = 0.0
     field_dropout: float = 0.0
+    auxiliary: float = 0.0
     selection: Selection = Selection(
         operators=(), quality="duration", keep=1.0, sharpness=0.0, operator_weights={}, failures=0.0
     )
@@ -104,7 +107,9 @@ class BC:
     def __post_init__(self) -> None:
         require_positive(self, "steps", "batch_size", "lr", "clip_norm", "threads")
         require_share(self, "lr_floor", "ema", "field_dropout", "validation", below_one=True)
-        require_not_negative(self, "warmup_steps", "weight_decay", "obs_noise", "patience", "validate_every")
+        require_not_negative(
+            self, "warmup_steps", "weight_decay", "obs_noise", "auxiliary", "patience", "validate_every"
+        )
         require_end(self.minutes, self.patience, self.cadence)
 
     def train(
@@ -150,7 +155,8 @@ class BC:
         """
         demos = self.divide(dataset, policy, seed=seed, failures=failures, weights=weights)
         check_recorded(demos.layout.spec, expect or {})
-        data = prepare(demos, policy, batch_size=self.batch_size, device=self.device, seed=seed, initial=initial)
+        given = {"batch_size": self.batch_size, "device": self.device, "seed": seed, "initial": initial}
+        data = prepare(demos, policy, **given, auxiliary=self.auxiliary)
         options = {"evaluate": evaluate, "resume": resume, "progress": progress}
         with open_run(self, data, run, algorithm=self.name, seed=seed, **options) as opened:
             return self._learn(opened, data.interface.layout) if opened else load_policy(run)

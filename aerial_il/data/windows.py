@@ -7,7 +7,7 @@ index table.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from typing import Literal, NamedTuple
 
@@ -20,6 +20,7 @@ from aerial_il.data.memory import MEMORY
 
 BLOCK = 1 << 16  # rows at once
 Rows = Callable[[np.ndarray], np.ndarray]
+Frames = Mapping[str, Sequence[np.ndarray]]  # name -> of each kept episode (T or T + 1, *shape)
 Target = Literal["actions", "executed_actions", "expert_actions"]
 
 
@@ -128,12 +129,16 @@ class Windows:
 
     def images(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Gather the images that the windows at ``index`` (B,) show, by name, each ``(B, To, *shape)``."""
-        if not self.image_names:
+        return self.beside(self.frames, index)
+
+    def beside(self, frames: Frames, index: np.ndarray) -> dict[str, np.ndarray]:
+        """Gather what ``frames`` have beside the observations of the windows at ``index`` (B,), each (B, To, *shape)."""
+        if not frames:
             return {}
         behind = np.arange(1 - self.history, 1)
         rows = np.maximum(self._step[index, None] + behind, 0)
         places = list(zip(self.episode[index].tolist(), rows, strict=True))
-        return {name: np.stack([frames[e][r] for e, r in places]) for name, frames in self.frames.items()}
+        return {name: np.stack([of[e][r] for e, r in places]) for name, of in frames.items()}
 
     def batches(self, size: int, rng: np.random.Generator) -> Iterator[Batch]:
         """Yield one epoch in random order, without the incomplete last batch."""

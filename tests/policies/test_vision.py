@@ -17,7 +17,7 @@ from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
-from aerial_il.policies.parts.vision import FAR_M, build_network, middle_part, random_part
+from aerial_il.policies.parts.vision import FAR_M, build_network, middle_part, part_at, random_corner
 from tests.algorithms.point_mass import SPEC
 from tests.policies.test_registry import NAMES
 
@@ -91,7 +91,7 @@ def test_random_parts_lie_at_one_place_per_window() -> None:
     rows, columns = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
     images = torch.stack([rows, columns, rows * 0], dim=-1).expand(64, 2, 12, 16, 3)
     torch.manual_seed(0)
-    parts = random_part(images, 8, 10)
+    parts = part_at(images, random_corner(images, 8, 10), 8, 10)
     assert parts.shape == (64, 2, 8, 10, 3)
     corner = parts[:, :, :1, :1]
     assert torch.equal(parts - corner, (images[:, :, :8, :10] - images[:, :, :1, :1]))
@@ -101,9 +101,10 @@ def test_random_parts_lie_at_one_place_per_window() -> None:
     assert middle_part(images, 8, 10)[0, 0, 0, 0].tolist() == [2, 3, 0]
 
 
-def test_a_resnet_from_random_weights_sees_too() -> None:
-    policy = fresh_policy(encoder="resnet18", images=("wrist_rgb",))
-    assert policy.act(look(1, np.random.default_rng(0))).shape == (1, 10)
+def test_a_resnet_from_random_weights_sees_too_and_is_saved_whole(tmp_path: Path) -> None:
+    policy, seen = fresh_policy(encoder="resnet18"), look(1, np.random.default_rng(0))
+    again = load_policy(policy.save(tmp_path / "policy"))
+    np.testing.assert_array_equal(again.act(seen), policy.act(seen))
 
 
 def test_fields_are_hidden_by_pattern_down_to_images_alone() -> None:

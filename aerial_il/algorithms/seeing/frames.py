@@ -92,7 +92,7 @@ class Lessons:
         """Return one for each camera."""
         made = []
         for camera in eyes.cameras:
-            labels, visible = labels_of(eyes, camera, frames.obs)
+            labels, visible = labels_of(eyes.targets.estimated, camera, frames.obs)
             known = tensor(eyes.known(frames.obs, camera.pose(frames.obs)))
             made.append(Lessons(frames.obs[camera.image], known, labels, visible))
         return made

@@ -17,6 +17,7 @@ from aerial_il.algorithms.run.cadence import CADENCE, Cadence, Evaluate, due
 from aerial_il.algorithms.run.folder import BEST, RunFolder, read_metrics
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.algorithms.run.state import pack, unpack
+from aerial_il.algorithms.seeing.auxiliary import Telling
 from aerial_il.algorithms.supervised.learner import Learner, require_device
 from aerial_il.algorithms.supervised.loader import AHEAD, Loader
 from aerial_il.algorithms.supervised.training_set import Prepared, TrainingSet
@@ -27,7 +28,7 @@ from aerial_il.core.seeding import torch_rng, torch_threads
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, masked_mean
-from aerial_il.policies.parts.vision import build_network
+from aerial_il.policies.parts.vision import VisionNetwork, build_network
 
 SUCCESS = "success"
 LOWER_IS_BETTER = ("crashes", "dropped", "time_to_success_s")
@@ -69,11 +70,13 @@ class SupervisedRun:
         self._bar: Progress
 
     def build_network(self) -> ChunkNetwork:
-        """Return a new network of the policy, with the initial policy's weights if there is one."""
-        network = build_network(self._data.policy, self._data.interface.layout).to(self._settings.device)
+        """Return a new network of the policy, with the initial policy's weights if there is one; it may tell, too."""
+        network = build_network(self._data.policy, self._data.interface.layout)
         if self._data.initial:
             network.load_state_dict(self._data.initial.network.state_dict())
-        return network
+        if self._data.hidden and isinstance(network, VisionNetwork):
+            network = Telling(network, self._data.hidden)
+        return network.to(self._settings.device)
 
     def start(self, learner: Learner) -> None:
         """Go on with ``learner`` from the newest checkpoint, if there is one."""
@@ -81,7 +84,7 @@ class SupervisedRun:
         if self._folder.resumed:
             unpack(self._folder.resumed, {"learner": learner})
         origin, data, total = {**self._origin, "provenance": provenance()}, self._data, self._settings.steps
-        self._policy = ChunkPolicy(data.policy, data.interface, learner.averaged, origin)
+        self._policy = ChunkPolicy(data.policy, data.interface, learner.averaged.flown, origin)
         loader = Loader(
             lambda step: data.training.gather(data.order[step]),
             first=learner.step,
@@ -145,7 +148,7 @@ class SupervisedRun:
             row["wait_share"] = self._loader.wait_share(elapsed_s)
             self._bar.set_postfix_str(f"loss {row['loss']:.4f}", refresh=False)
         if self._data.held_out and (done or due(self._settings.validate_every, step)):
-            row |= validation_errors(self._learner.averaged, self._data.held_out, self._data.interface)
+            row |= validation_errors(self._policy.network, self._data.held_out, self._data.interface)
         if row:
             self._folder.log(step, row)
 

@@ -3,12 +3,14 @@
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from aerial_il.algorithms.seeing.auxiliary import Hidden
 from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.seeding import named_rng
@@ -17,7 +19,7 @@ from aerial_il.core.tensors import tensor
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.memory import MEMORY
-from aerial_il.data.windows import Batch, Windows
+from aerial_il.data.windows import Batch, Frames, Windows
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import Interface, Layout, to_offsets
 from aerial_il.policies.parts.network import PolicySettings, Shown, shown
@@ -25,6 +27,7 @@ from aerial_il.policies.parts.normaliser import Normaliser, Samples
 from aerial_il.policies.parts.switches import Switches
 from aerial_il.policies.parts.tasks import unite
 
+NO_LABELS: Frames = MappingProxyType({})
 GIB, ROOM = 2**30, 0.9  # the share of the room that is taken
 BLOCK = 8192  # windows at once
 IMAGES_AT_ONCE = 256  # windows whose images are encoded in one go outside training
@@ -159,15 +162,15 @@ def _blocks(windows: Windows) -> Iterator[Batch]:
     return (windows[index] for index in _indices(windows))
 
 
-def digest_of(windows: Windows, weights: np.ndarray | None = None) -> str:
-    """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights."""
+def digest_of(windows: Windows, weights: np.ndarray | None = None, labels: Frames = NO_LABELS) -> str:
+    """Return the SHA-256 of everything that a network can learn from ``windows`` of these weights and labels."""
     seal = hashlib.sha256()
     for field in Batch._fields:
         for batch in _blocks(windows):
             seal.update(np.ascontiguousarray(getattr(batch, field)).tobytes())
     if weights is not None:
         seal.update(np.ascontiguousarray(weights).tobytes())
-    for frames in (frames for of_camera in windows.frames.values() for frames in of_camera):
+    for frames in (frames for of in (windows.frames, labels) for of_camera in of.values() for frames in of_camera):
         seal.update(np.ascontiguousarray(frames))
     return seal.hexdigest()
 
@@ -187,10 +190,11 @@ class TrainingSet:
         windows: where they are gathered from.
         interface: how they are normalised.
         device: where the tensors go.
+        labels: what is to be told of their images; see :class:`Seen`.
     """
 
-    def __init__(self, windows: Windows, interface: Interface, device: str = "cpu") -> None:
-        self._windows, self._interface, self._device = windows, interface, device
+    def __init__(self, windows: Windows, interface: Interface, device: str = "cpu", labels: Frames = NO_LABELS) -> None:
+        self._windows, self._interface, self._device, self._labels = windows, interface, device, labels
         self._encoded = windows.mapped(interface.encode_obs, interface.action.normalise)
         self._moving = int(interface.layout.moving.sum())
         self._scaler = interface.action.first(self._moving).tiled(windows.chunk)
@@ -209,8 +213,11 @@ class TrainingSet:
             targets[..., : self._moving] = scaled.reshape(counted.shape)
         arrays = (inputs, targets, (~is_pad).astype(np.float32))
         encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
-        images = {n: torch.from_numpy(image).to(self._device) for n, image in self._windows.images(index).items()}
-        return shown(encoded, images), answers, valid
+        images, labels = (
+            {name: torch.from_numpy(values).to(self._device) for name, values in gathered.items()}
+            for gathered in (self._windows.images(index), self._windows.beside(self._labels, index))
+        )
+        return shown(encoded, images, labels), answers, valid
 
     def sample(self) -> np.ndarray:
         """Return the windows that a measurement looks at: all of them, or evenly spread ones where each has images."""
@@ -273,6 +280,7 @@ class Prepared:
         policy: what is trained. initial: whose weights it starts from, or None.
         interface: the way into and out of its network.
         training: windows to learn from. held_out: windows to validate on, or None.
+        hidden: what is told of their images while it is trained, or None.
         order: in which they are visited.
         description: what of the data decides the run.
     """
@@ -284,6 +292,7 @@ class Prepared:
     held_out: TrainingSet | None
     order: Shuffle
     description: dict[str, Any]
+    hidden: Hidden | None = None
 
 
 def prepare(
@@ -294,11 +303,15 @@ def prepare(
     device: str,
     seed: int,
     initial: ChunkPolicy | None,
+    auxiliary: float = 0.0,
 ) -> Prepared:
     """Cut demonstrations into windows and normalise them, as ``initial`` does where it is given.
 
+    Args:
+        auxiliary: weight of telling what is hidden from the policy; 0 for none of it.
+
     Raises:
-        InvalidValueError: ``initial`` has another configuration than ``policy``.
+        InvalidValueError: ``initial`` has another configuration than ``policy``, or there is nothing to tell.
     """
     layout = demos.layout
     if initial and (initial.config != policy or initial.interface.layout.names != layout.names):
@@ -306,13 +319,15 @@ def prepare(
     windows = cut_windows(demos.kept, layout, policy)
     weights = window_weights(demos.weights, windows)
     interface = initial.interface if initial else fit_interface(layout, windows, policy)
-    training = TrainingSet(windows, interface, device)
+    hidden = Hidden.of(layout, demos.kept, auxiliary) if auxiliary else None
+    labels = hidden.labels(demos.kept) if hidden else NO_LABELS
+    training = TrainingSet(windows, interface, device, labels)
     held_out = TrainingSet(cut_windows(demos.held_out, layout, policy), interface, device) if demos.held_out else None
     order = Shuffle(len(training), batch_size, seed=seed, weights=weights)
     data = {
         "demonstrations": len(demos.kept) + len(demos.held_out),
         "frames": len(training),
-        "digest": digest_of(windows, weights),
+        "digest": digest_of(windows, weights, labels),
     }
     start = {"initial": digest(Checkpoint(initial.to_checkpoint().arrays))} if initial else {}
-    return Prepared(policy, initial, interface, training, held_out, order, {"dataset": data, **start})
+    return Prepared(policy, initial, interface, training, held_out, order, {"dataset": data, **start}, hidden)

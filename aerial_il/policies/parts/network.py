@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import torch
@@ -23,18 +24,21 @@ class Seen(NamedTuple):
     Attributes:
         state: (B, To, Do) normalised.
         images: camera field -> (B, To, H, W, 3) uint8.
+        labels: camera field -> (B, To, S) what is to be told of each image, NaN where nobody could; no network acts
+            on it, and in flight there is none.
     """
 
     state: Tensor
     images: Mapping[str, Tensor]
+    labels: Mapping[str, Tensor] = MappingProxyType({})
 
 
 Shown = Tensor | Seen
 
 
-def shown(state: Tensor, images: Mapping[str, Tensor]) -> Shown:
+def shown(state: Tensor, images: Mapping[str, Tensor], labels: Mapping[str, Tensor] = MappingProxyType({})) -> Shown:
     """Return what a network is shown: the state (B, To, Do), beside the images where there are any."""
-    return Seen(state, images) if images else state
+    return Seen(state, images, labels) if images else state
 
 
 def state_of(obs: Shown) -> Tensor:
@@ -63,6 +67,11 @@ class ChunkNetwork(nn.Module, ABC):
     noise_size: int = 0
     redraws: bool = False
     guided: bool = False
+
+    @property
+    def flown(self) -> ChunkNetwork:
+        """What of it flies when it is trained; here all of it."""
+        return self
 
     @abstractmethod
     def forward(self, obs: Any) -> Tensor:

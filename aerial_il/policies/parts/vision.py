@@ -10,6 +10,10 @@ GroupNorm instead of batch statistics, which averaged weights would not fit: C. 
 section III-B; random crops: D. Yarats et al., "Image Augmentation Is All You Need", 2021.
 """
 
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
 import torch
 from torch import Tensor, nn
 
@@ -29,6 +33,19 @@ def build_network(config: PolicySettings, layout: Layout) -> ChunkNetwork:
     return config.build(layout.size, layout.spec.action.size)
 
 
+class Looked(NamedTuple):
+    """What an encoder makes of the images of a camera.
+
+    Attributes:
+        features: (B, To, F).
+        shift: (B, 2), by how much of half an image the part that it looked at lies right of its middle, and above;
+            None of the middle part.
+    """
+
+    features: Tensor
+    shift: Tensor | None
+
+
 class VisionNetwork(ChunkNetwork):
     """Any network behind one encoder per camera.
 
@@ -42,7 +59,7 @@ class VisionNetwork(ChunkNetwork):
 
     def __init__(self, config: PolicySettings, layout: Layout) -> None:
         super().__init__()
-        self.cameras, self.crop = layout.images, config.crop
+        self.cameras, self.crop, self.image_features = layout.images, config.crop, config.image_features
         for name, shape in zip(layout.images, layout.image_shapes, strict=True):
             _check_size(name, _cropped(shape, config.crop))
         self.eyes = nn.ModuleList(_encoder(config) for _ in self.cameras)
@@ -57,18 +74,28 @@ class VisionNetwork(ChunkNetwork):
 
     def see(self, obs: Seen) -> Tensor:
         """Return state and features (B, To, D)."""
-        features = [self._look(eye, obs.images[name]) for eye, name in zip(self.eyes, self.cameras, strict=True)]
-        return torch.cat([obs.state, *features], dim=-1)
+        return self.joined(obs.state, self.look(obs))
 
-    def _look(self, eye: nn.Module, images: Tensor) -> Tensor:
-        """Return what ``eye`` makes of images (B, To, H, W, 3) uint8, or (B, To, H, W) m: features (B, To, F)."""
-        part, is_depth = random_part if self.training else middle_part, images.is_floating_point()
-        seen = part(images[..., None] if is_depth else images, *_cropped(images.shape[2:4], self.crop)).flatten(0, 1)
+    def look(self, obs: Seen) -> dict[str, Looked]:
+        """Return what the encoders make of the images, by camera field."""
+        return {name: self._look(eye, obs.images[name]) for eye, name in zip(self.eyes, self.cameras, strict=True)}
+
+    def joined(self, state: Tensor, looked: Mapping[str, Looked]) -> Tensor:
+        """Return a state (B, To, Do) with features beside it (B, To, D)."""
+        return torch.cat([state, *(looked[name].features for name in self.cameras)], dim=-1)
+
+    def _look(self, eye: nn.Module, images: Tensor) -> Looked:
+        """Return what ``eye`` makes of images (B, To, H, W, 3) uint8, or (B, To, H, W) m."""
+        size, is_depth = _cropped(images.shape[2:4], self.crop), images.is_floating_point()
+        images = images[..., None] if is_depth else images
+        corner = random_corner(images, *size) if self.training else None
+        seen = (middle_part(images, *size) if corner is None else part_at(images, corner, *size)).flatten(0, 1)
         planes = seen.permute(0, 3, 1, 2).contiguous()  # as a view, two and a half times as long on a processor
         scaled = (
             (planes.clamp(0.0, FAR_M) * (2.0 / FAR_M)).repeat(1, 3, 1, 1) if is_depth else planes.float().div_(127.5)
         )
-        return eye(scaled.sub_(1)).unflatten(0, images.shape[:2])
+        features = eye(scaled.sub_(1)).unflatten(0, images.shape[:2])
+        return Looked(features, None if corner is None else _shift(images, corner, size))
 
 
 def middle_part(images: Tensor, height: int, width: int) -> Tensor:
@@ -77,15 +104,28 @@ def middle_part(images: Tensor, height: int, width: int) -> Tensor:
     return images[:, :, top : top + height, left : left + width]
 
 
-def random_part(images: Tensor, height: int, width: int) -> Tensor:
-    """Return a random part of images (B, To, H, W, C), one place for each window: (B, To, height, width, C)."""
+def random_corner(images: Tensor, height: int, width: int) -> Tensor:
+    """Return where a random part of images (B, To, H, W, C) begins, one for each window: rows and columns (B, 2)."""
     count, device = len(images), images.device
     top = torch.randint(images.shape[2] - height + 1, (count, 1), device=device)
-    left = torch.randint(images.shape[3] - width + 1, (count, 1), device=device)
-    rows, columns = top + torch.arange(height, device=device), left + torch.arange(width, device=device)
-    window = torch.arange(count, device=device)[:, None, None]
+    return torch.cat([top, torch.randint(images.shape[3] - width + 1, (count, 1), device=device)], dim=1)
+
+
+def part_at(images: Tensor, corner: Tensor, height: int, width: int) -> Tensor:
+    """Return the part of images (B, To, H, W, C) that begins at ``corner`` (B, 2): (B, To, height, width, C)."""
+    rows, columns = (
+        corner[:, k : k + 1] + torch.arange(n, device=images.device) for k, n in enumerate((height, width))
+    )
+    window = torch.arange(len(images), device=images.device)[:, None, None]
     picked = images.transpose(0, 1)[:, window, rows[:, :, None], columns[:, None, :]]
     return picked.transpose(0, 1)
+
+
+def _shift(images: Tensor, corner: Tensor, size: tuple[int, int]) -> Tensor:
+    """Return the shift (B, 2) of :class:`Looked` of a part of images (B, To, H, W, C) of this size."""
+    whole, part = (torch.tensor(sides, device=images.device) for sides in (images.shape[2:4], size))
+    down, right = ((2 * corner + part - whole) / whole).unbind(1)
+    return torch.stack([right, -down], dim=1)
 
 
 class SpatialSoftmax(nn.Module):
@@ -116,11 +156,21 @@ def _cnn() -> tuple[list[nn.Module], int]:
 
 
 def _resnet18() -> tuple[list[nn.Module], int]:
-    """torchvision's ResNet-18 from random weights, without its pooling and classifier."""
-    from torchvision.models import resnet18
+    """ResNet-18 of torchvision's blocks from random weights, with GroupNorm, without pooling and classifier."""
+    from torchvision.models.resnet import BasicBlock, conv1x1
 
-    whole = resnet18(weights=None, norm_layer=lambda channels: nn.GroupNorm(channels // 16, channels))
-    return list(whole.children())[:-2], 512
+    def norm(channels: int) -> nn.Module:
+        return nn.GroupNorm(channels // 16, channels)
+
+    layers: list[nn.Module] = [nn.Conv2d(3, 64, 7, 2, 3, bias=False), norm(64), nn.ReLU(), nn.MaxPool2d(3, 2, 1)]
+    for inputs, outputs in pairwise((64, 64, 128, 256, 512)):
+        halves = inputs < outputs
+        shortcut = nn.Sequential(conv1x1(inputs, outputs, 2), norm(outputs)) if halves else None
+        first = BasicBlock(inputs, outputs, 2 if halves else 1, shortcut, norm_layer=norm)
+        layers.append(nn.Sequential(first, BasicBlock(outputs, outputs, norm_layer=norm)))
+    for part in (part for layer in layers for part in layer.modules() if isinstance(part, nn.Conv2d)):
+        nn.init.kaiming_normal_(part.weight, mode="fan_out", nonlinearity="relu")
+    return layers, 512
 
 
 def _cropped(shape: tuple[int, ...], crop: float) -> tuple[int, int]:

@@ -16,7 +16,7 @@ from aerial_il.policies.parts.relative import rotations
 from aerial_il.policies.perception.cameras import Camera, Pose
 from aerial_il.policies.perception.network import Eye, told_of
 from aerial_il.policies.perception.relations import sources_of
-from aerial_il.policies.perception.targets import NUMBER, PLACE, Targets
+from aerial_il.policies.perception.targets import NUMBER, PLACE, Target, Targets
 from aerial_il.policies.perception.tracker import Tracker
 
 FORCE_N = 10.0  # by which forces are divided
@@ -145,11 +145,11 @@ def own_fields(spec: ObservationSpec) -> tuple[str, ...]:
     return tuple(name for name in ("joint_pos", "gripper", *felt) if name in spec.names)
 
 
-def labels_of(eyes: Eyes, camera: Camera, obs: Observation) -> tuple[list[Tensor], list[Tensor | None]]:
-    """Return what a camera's network is to tell of each target in n steps, and of each place whether it is in view."""
+def labels_of(targets: Sequence[Target], camera: Camera, obs: Observation) -> tuple[list[Tensor], list[Tensor | None]]:
+    """Return what a camera is to tell of each target (n, D) in n steps, and of each place whether it is in view."""
     pose = camera.pose(obs)
     labels, visible = list[Tensor](), list[Tensor | None]()
-    for target in eyes.targets.estimated:
+    for target in targets:
         values = obs[target.field]
         labels.append(tensor(target.encode(values, pose, camera).astype(np.float32)))
         seen = camera.in_view(pose.seen(values)) if target.kind == PLACE else None
