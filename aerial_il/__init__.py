@@ -162,7 +162,8 @@ def expert(robot: str, task: str, **options: Any) -> Expert:
 
     Args:
         robot, task: registry names.
-        options: ``noise`` (0 to 1, recoverable perturbation of its commands) and ``seed`` of that noise.
+        options: ``noise`` (0 to 1, recoverable perturbation of its commands), ``seed`` of that noise, and ``look``, so
+            that the robot's cameras see what comes next.
     """
     from aerial_il.experts import make
 

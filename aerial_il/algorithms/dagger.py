@@ -33,6 +33,7 @@ from aerial_il.algorithms.interactive.mixture import Mixture, newcomer_of
 from aerial_il.algorithms.interactive.problem import Operator
 from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
+from aerial_il.core.checks import require_not_negative
 from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.schema import Choice
@@ -47,6 +48,7 @@ class DAgger(InteractiveAlgorithm):
     """DAgger, and what differs from it by its gate alone.
 
     Attributes:
+        stale_rounds: evaluations in a row, none better than the best, after which it ends; 0 for never.
         gate: who flies and who is asked.
     """
 
@@ -61,7 +63,14 @@ class DAgger(InteractiveAlgorithm):
     warm_start: bool = True
     evaluate_every: int = 1
     keep_checkpoints: int = 3
+    stale_rounds: int = 0
     gate: Annotated[GateSettings, Choice("gate")] = CoinGate()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_not_negative(self, "stale_rounds")
+        if self.stale_rounds and not self.evaluate_every:
+            raise InvalidValueError(f"stale_rounds is {self.stale_rounds}; it needs evaluations: set evaluate_every.")
 
     @property
     def seeds_per_round(self) -> int:
@@ -69,6 +78,8 @@ class DAgger(InteractiveAlgorithm):
 
     def learn(self, rounds: Rounds, evaluate: Evaluate | None) -> None:
         for number in rounds.left():
+            if 0 < self.stale_rounds <= rounds.stale():
+                break
             if number:
                 rounds.fly(number, lambda number=number: self._pilot(rounds, number))
             rounds.learn(number)

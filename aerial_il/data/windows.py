@@ -132,7 +132,7 @@ class Windows:
         return self.beside(self.frames, index)
 
     def beside(self, frames: Frames, index: np.ndarray) -> dict[str, np.ndarray]:
-        """Gather what ``frames`` have beside the observations of the windows at ``index`` (B,), each (B, To, *shape)."""
+        """Gather what ``frames`` have in the steps that the windows at ``index`` (B,) show, each (B, To, *shape)."""
         if not frames:
             return {}
         behind = np.arange(1 - self.history, 1)

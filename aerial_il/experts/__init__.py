@@ -15,13 +15,14 @@ def names() -> tuple[str, ...]:
     return registry.names("expert")
 
 
-def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0) -> Expert:
+def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0, look: bool = False) -> Expert:
     """Return the expert for a cell.
 
     Args:
         robot, task: registry names.
         noise: strength of the recoverable perturbation of its commands, 0 (none) to 1.
         seed: seed of that perturbation; it also depends on each episode's own seed.
+        look: fly so that the robot's cameras see what comes next.
 
     Raises:
         UnknownNameError: unknown robot or task, or a task without an expert. CellError: the robot cannot do the task.
@@ -29,4 +30,4 @@ def make(robot: str, task: str, *, noise: float = 0.0, seed: int = 0) -> Expert:
     from aerial_il.suite import tasks
 
     tasks.check_cell(robot, task)
-    return registry.get("expert", task)(noise=noise, seed=seed)
+    return registry.get("expert", task)(noise=noise, seed=seed, **({"look": True} if look else {}))

@@ -15,6 +15,7 @@ from aerial_il.core.arrays import length
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec
+from aerial_il.experts import gaze
 from aerial_il.experts.perturbation import Perturbation
 from aerial_il.suite.episode.simulation import Simulation
 from aerial_il.suite.physics.view import View
@@ -40,19 +41,27 @@ class Expert(ABC):
     Attributes:
         phase_names: names of the phases. phase: (n,) index of each world's present phase.
         lead_m: a commanded position is at most this far ahead of the tool.
+        travels: phases in which only the position of the tool counts, so that its heading is free.
         expert_action: (n, 10) its last action before the perturbation: the label to learn from.
 
     Args:
         noise: strength of the perturbation added to commanded positions, 0 to 1. seed: of the perturbation.
+        look: fly so that the robot's cameras see what comes next; see :mod:`.gaze`.
     """
 
     phase_names: tuple[str, ...]
     lead_m: ClassVar[float] = LEAD_M
+    travels: ClassVar[tuple[int, ...]] = ()
 
-    def __init__(self, *, noise: float = 0.0, seed: int = 0) -> None:
+    def __init__(self, *, noise: float = 0.0, seed: int = 0, look: bool = False) -> None:
         if not 0.0 <= noise <= 1.0:
             raise InvalidValueError(f"noise lies between 0 and 1, got {noise}.")
-        self.noise, self.seed = noise, seed
+        if look and not self.travels:
+            raise InvalidValueError(
+                f"look=true turns towards what comes next, and {type(self).__name__} names no phase in which its "
+                "heading is free (travels). Leave it out."
+            )
+        self.noise, self.seed, self.look = noise, seed, look
         self._env: HasSimulation | None = None
         self.phase = np.zeros(0, int)
         self.expert_action = np.zeros((0, 0))
@@ -98,7 +107,11 @@ class Expert(ABC):
         self.phase = self.next_phase()
         self.timer = np.where(self.phase == old, self.timer + 1, 0)
         target, rot6d, gripper = self.command()
-        action = np.concatenate([led(self.view.tool_pos, target, self.lead_m), rot6d, gripper[:, None]], axis=1)
+        lead = self.lead_m
+        if self.look:
+            rot6d = gaze.turned_to_see(self.view, target, rot6d, np.isin(self.phase, self.travels))
+            lead = gaze.lead_of(length(target - self.view.tool_pos), lead)
+        action = np.concatenate([led(self.view.tool_pos, target, lead), rot6d, gripper[:, None]], axis=1)
         self.expert_action = bounds.clip(action[:, : bounds.size])  # a robot without a gripper takes no opening
         if self.noise == 0.0:
             return self.expert_action
@@ -136,7 +149,7 @@ class Expert(ABC):
         return self._env
 
 
-def led(tool: np.ndarray, target: np.ndarray, lead: float = LEAD_M) -> np.ndarray:
+def led(tool: np.ndarray, target: np.ndarray, lead: float | np.ndarray = LEAD_M) -> np.ndarray:
     """Return the points on the way from ``tool`` to ``target`` (n, 3) that are ``lead`` m ahead, or the targets."""
     ahead = target - tool
     return tool + ahead * np.minimum(1.0, lead / np.maximum(length(ahead), 1e-9))[:, None]

@@ -39,6 +39,7 @@ class HookExpert(Expert):
     """
 
     phase_names = ("hover", "descend", "pull")
+    travels = (HOVER,)
     tolerance_m: ClassVar[tuple[float, float]]
 
     @abstractmethod

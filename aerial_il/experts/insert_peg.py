@@ -47,6 +47,7 @@ class InsertPegExpert(Expert):
     """Servo the peg's lower end, not the tool: however it sits in the gripper, it is held upright over the hole."""
 
     phase_names = ("hover", "descend", "close", "lift", "carry", "insert", "release", "retreat")
+    travels = (HOVER, CARRY)
     carry_height_m: ClassVar[float] = CARRY_HEIGHT_M
 
     def first_phase(self) -> np.ndarray:

@@ -45,6 +45,7 @@ class PickPlaceExpert(Expert):
     cube: ClassVar[str] = "cube"
     grips: ClassVar[tuple[str, str]] = ("grip_left", "grip_right")
     phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
+    travels = (HOVER, CARRY)
 
     def first_phase(self) -> np.ndarray:
         return np.where(self._held(), LIFT, HOVER)

@@ -23,6 +23,7 @@ class PressButtonExpert(Expert):
     """The tool is commanded to just short of the cap's stop; a vehicle that the spring would push away, deeper."""
 
     phase_names = ("approach", "press")
+    travels = (APPROACH,)
 
     def first_phase(self) -> np.ndarray:
         return np.full(self.view.n, APPROACH)

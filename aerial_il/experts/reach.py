@@ -14,6 +14,7 @@ class ReachExpert(Expert):
     """Fly to the target; the reference governor generates the path."""
 
     phase_names = ("approach", "hold")
+    travels = (APPROACH,)
 
     def first_phase(self) -> np.ndarray:
         return np.full(self.view.n, APPROACH)

@@ -46,6 +46,7 @@ class SetDownExpert(Expert):
     at_height_m: ClassVar[float] = AT_HEIGHT_M
     down_m: ClassVar[float] = DOWN_M
     phase_names = ("hover", "descend", "close", "lift", "carry", "lower", "release", "retreat")
+    travels = (HOVER, CARRY)
 
     @abstractmethod
     def cube(self) -> np.ndarray:

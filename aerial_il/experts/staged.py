@@ -23,8 +23,8 @@ class StagedExpert(Expert):
     def __init_subclass__(cls) -> None:
         cls.phase_names = tuple(f"{name}_{phase}" for name, part in cls.stages.items() for phase in part.phase_names)
 
-    def __init__(self, *, noise: float = 0.0, seed: int = 0) -> None:
-        super().__init__(noise=noise, seed=seed)
+    def __init__(self, *, noise: float = 0.0, seed: int = 0, look: bool = False) -> None:
+        super().__init__(noise=noise, seed=seed, look=look)
         self.parts = tuple(part() for part in self.stages.values())
         self._first = np.cumsum([0, *(len(part.phase_names) for part in self.parts)])
 

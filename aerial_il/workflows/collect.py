@@ -23,14 +23,22 @@ class Expert:
     Attributes:
         noise: perturbation of its commands, from 0 (none) to 1 (all that it can recover from), so that a policy learns
             to come back.
+        look: fly so that the robot's cameras see what comes next: heading for it where the heading is free, and slower
+            where it is near.
         path: your own expert: module:factory.
     """
 
     noise: float = 0.3
+    look: bool = False
     path: str | None = None
 
     def __post_init__(self) -> None:
         at_least(self, noise=0.0)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What recordings say of how it flew."""
+        return {"noise": self.noise, **({"look": True} if self.look else {})}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +126,8 @@ def _in_the_suite(settings: Collect) -> None:
     _check_of_the_suite(settings)
     if settings.cameras:
         require_rendering(f"cameras=[{','.join(settings.cameras)}]")
-    robot, task, own, noise = settings.robot, settings.task, settings.expert.path, settings.expert.noise
-    expert = experts.make(robot, task, noise=noise) if own is None else typed_code.policy_of(own)
+    robot, task, own, options = settings.robot, settings.task, settings.expert.path, settings.expert.options
+    expert = experts.make(robot, task, **options) if own is None else typed_code.policy_of(own)
     where = EnvironmentReference(
         robot=robot,
         task=task,
@@ -131,7 +139,7 @@ def _in_the_suite(settings: Collect) -> None:
         image_size=settings.image_size,
     )
     env = where.load(num_envs=min(settings.num_envs, settings.episodes), threads=settings.threads)
-    _record(settings, env, expert, own or "expert", {"noise": noise} if own is None else {})
+    _record(settings, env, expert, own or "expert", options if own is None else {})
 
 
 def _check_of_the_suite(settings: Collect) -> None:

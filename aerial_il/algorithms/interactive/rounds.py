@@ -27,7 +27,8 @@ from aerial_il.algorithms.interactive.problem import InteractiveProblem, Operato
 from aerial_il.algorithms.interactive.round_flights import RoundFlights
 from aerial_il.algorithms.online.demonstrations import check_same
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
-from aerial_il.algorithms.run.folder import RunFolder
+from aerial_il.algorithms.run.folder import RunFolder, read_metrics
+from aerial_il.algorithms.supervised.supervised_run import SUCCESS, BestCheckpoint
 from aerial_il.algorithms.supervised.training_set import read_demos
 from aerial_il.core.checkpoint import Checkpoint
 from aerial_il.core.contracts import Policy
@@ -183,11 +184,16 @@ class Rounds:
         saved = policy.to_checkpoint()
         state = {**saved.state, "round": number, "elapsed_s": self.elapsed_s}
         self._folder.save(number, Checkpoint(saved.arrays, state, saved.config), keep=settings.keep_checkpoints)
-        self._clock = time.perf_counter()
+        self._next, self._clock = number + 1, time.perf_counter()
+
+    def stale(self) -> int:
+        """Return how many evaluations there have been since the best one."""
+        best = BestCheckpoint.of(read_metrics(self._folder.path), f"evaluate/{SUCCESS}")
+        return best.stale if best else 0
 
     def finish(self) -> ChunkPolicy:
         """Save the last round's policy as the run's."""
-        policy = self._signed(self._settings.rounds)
+        policy = self._signed(self._next - 1)
         self._folder.finish(policy)
         return policy
 
