@@ -92,6 +92,34 @@ class Cloned(Shown):
         return self.algorithm.train(shown, self.policy, run=run, seed=self.source.draw, progress=stages.progress)
 
 
+@dataclass(frozen=True, eq=False)
+class Asked(Shown):
+    """A policy trained by asking the expert while it flies.
+
+    Attributes:
+        algorithm: how, beside those of :class:`Shown`.
+    """
+
+    algorithm: InteractiveAlgorithm
+
+    @property
+    def episodes(self) -> int:
+        """Demonstrations and labelled flights in all."""
+        return self.demos + self.algorithm.rounds * self.algorithm.episodes
+
+    @property
+    def steps(self) -> int:
+        """Optimisation steps of all rounds."""
+        return steps_of(self.algorithm)
+
+    def decided_by(self) -> dict[str, Any]:
+        return all_that_decides(self)
+
+    def train(self, stages: Stages, run: Path) -> Policy:
+        expert = aerial_il.expert(self.source.robot, self.source.task)
+        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.episodes, expert=expert)
+
+
 def train_in_rounds(
     training: Shown, algorithm: InteractiveAlgorithm, stages: Stages, run: Path, *, worlds: int, expert: Policy | None
 ) -> Policy:
@@ -105,7 +133,7 @@ def train_in_rounds(
     env = stages.environment(source, source.tier, worlds)
     try:
         return algorithm.train(
-            stages.demonstrations(source, training.demos),
+            stages.demonstrations(source, training.demos, cameras=training.policy.images),
             training.policy,
             run=run,
             env=env,

@@ -12,17 +12,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dart import DART
 from aerial_il.algorithms.interactive.gates.thrifty import ThriftyGate
 from aerial_il.algorithms.run.folder import read_metrics
-from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import t_interval
@@ -32,7 +30,7 @@ from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
-from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, steps_of, train_in_rounds
+from experiments.common.stages import Asked, Cloned, Stages
 from experiments.common.success import failed_seeds, mean_time_s, pooled_row, pooled_target
 
 START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
@@ -50,34 +48,6 @@ NOTES = (
     "draws.",
     "The experts are scripted, use the simulator's true state and can take over from anywhere.",
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Asked(Shown):
-    """A policy trained by asking the expert while it flies.
-
-    Attributes:
-        algorithm: how, beside those of :class:`Shown`.
-    """
-
-    algorithm: DAgger | DART
-
-    @property
-    def episodes(self) -> int:
-        """Demonstrations and labelled flights in all."""
-        return self.demos + self.algorithm.rounds * self.algorithm.episodes
-
-    @property
-    def steps(self) -> int:
-        """Optimisation steps of all rounds."""
-        return steps_of(self.algorithm)
-
-    def decided_by(self) -> dict[str, Any]:
-        return all_that_decides(self)
-
-    def train(self, stages: Stages, run: Path) -> Policy:
-        expert = aerial_il.expert(self.source.robot, self.source.task)
-        return train_in_rounds(self, self.algorithm, stages, run, worlds=self.algorithm.episodes, expert=expert)
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,10 @@
 
 Two routes side by side, from the same demonstrations: a policy of the state in front of which networks estimate what it
 is shown (:mod:`aerial_il.algorithms.perception`), with and without labels from its own flights, and one network from
-images to actions. Beside them the same policy on the truth, which nothing can exceed, and the first route with its
-images blanked, or with the first frame shown for ever: what these reach needs no eyes. Every stage is kept by all that
-decides it: killed at any moment, the same call continues.
+images to actions, with and without the auxiliary loss, and with the expert asked in its own flights. Beside them the
+same policy on the truth, which nothing can exceed, and the first route with its images blanked, or with the first frame
+shown for ever: what these reach needs no eyes. Every stage is kept by all that decides it: killed at any moment, the
+same call continues.
 """
 
 from __future__ import annotations
@@ -19,6 +20,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.dagger import DAgger
+from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
@@ -36,13 +39,15 @@ from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
-from experiments.common.stages import Cloned, Shown, Stages, all_that_decides, judged_once
+from experiments.common.stages import Asked, Cloned, Shown, Stages, all_that_decides, judged_once
 from experiments.common.success import failed_seeds, macro_row, pooled_row
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
+UNTOLD, ASKED = "end to end, no auxiliary loss", "end to end, dagger"
 BLANK, FROZEN = "images blanked", "first frame for ever"
-ARMS = (FLOWN, SHOWN, END_TO_END, TRUTH)
+AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
+ARMS = (*AFFORDABLE, UNTOLD, ASKED)
 TASKS = (
     "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
     "rotate_valve", "insert_peg",
@@ -94,7 +99,7 @@ class Perceived(Shown):
 class Flight:
     """A training that is judged in a tier, with its images as they are, or changed."""
 
-    training: Perceived | Cloned
+    training: Perceived | Cloned | Asked
     tier: str
     changed: str = ""
 
@@ -115,6 +120,7 @@ class Pixels:
 
     Attributes:
         policy: of the state. perception: how networks learn to see for it. end_to_end, cloning: the other route.
+        asking: how it goes on in its own flights, where it does; each time it learns as ``cloning`` says.
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
@@ -130,11 +136,12 @@ class Pixels:
     policy: PolicySettings = field(default_factory=MLP)
     perception: Perception = Perception()
     end_to_end: PolicySettings = field(default_factory=MLP)
-    cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True)
+    cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True, auxiliary=1.0)
+    asking: DAgger = DAgger(rounds=2, episodes=50, between_steps=2_000, evaluate_every=0, gate=CoinGate(beta="zero"))
     noise: float = NOISE
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = TASKS
-    arms: tuple[str, ...] = ARMS
+    arms: tuple[str, ...] = AFFORDABLE
     cameras: tuple[str, ...] = ("wrist_rgb", "base_rgb")
     image_size: tuple[int, int] = (64, 64)
     demos: int = 80
@@ -222,19 +229,25 @@ class Pixels:
         with closing(stages.environment(flight.training.source, flight.tier, 1)) as env:
             return row_of_times(env, _eyed(stages, flight), self.first_episode, self.timed)
 
-    def _training(self, arm: str, task: str, draw: int, demos: int) -> Perceived | Cloned:
+    def _training(self, arm: str, task: str, draw: int, demos: int) -> Perceived | Cloned | Asked:
         cameras = tuple(map(camera_name, self.cameras))
         source = Source(
             robot=self.robot, task=task, noise=self.noise, draw=draw, cameras=cameras, image_size=self.image_size
         )
         if arm == TRUTH:
             return Cloned(arm, source, demos, self.policy, self.perception.training)
-        if arm == END_TO_END:
-            seeing = replace(self.end_to_end, images=self.cameras)
-            hidden = replace(seeing, masked_fields=(*seeing.masked_fields, TO_BE_SEEN))
-            return Cloned(arm, source, demos, hidden, self.cloning)
+        if arm in (END_TO_END, UNTOLD, ASKED):
+            return self._end_to_end(arm, source, demos)
         algorithm = replace(self.perception, rounds=0) if arm == SHOWN else self.perception
         return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm)
+
+    def _end_to_end(self, arm: str, source: Source, demos: int) -> Cloned | Asked:
+        seeing = replace(self.end_to_end, images=self.cameras)
+        hidden = replace(seeing, masked_fields=(*seeing.masked_fields, TO_BE_SEEN))
+        if arm == ASKED:
+            return Asked(arm, source, demos, hidden, replace(self.asking, training=self.cloning))
+        cloning = replace(self.cloning, auxiliary=0.0) if arm == UNTOLD else self.cloning
+        return Cloned(arm, source, demos, hidden, cloning)
 
     def _judged(self, stages: Stages, flight: Flight) -> EvaluationResult:
         training, seeds = flight.training, range(self.first_episode, self.first_episode + self.episodes)
@@ -329,9 +342,15 @@ def grouped(results: Results, *names: str) -> Iterator[tuple[Row, Results]]:
 def _per_task(results: Results, stages: Stages) -> Iterator[Row]:
     for arm, found in grouped(results, "sees", "tier", "demos", "task"):
         runs = [stages.run_of(flight.training) for flight in found]
-        own = [max((row.get("flights", 0.0) for row in read_metrics(run)), default=0.0) for run in runs]
+        own = [_own_flights(run, arm["demos"]) for run in runs]
         cost = {"own_flights": round(float(np.mean(own))), "train_min": stages.minutes(f.training for f in found)}
         yield {**arm, **pooled_row(found.values()), **cost}
+
+
+def _own_flights(run: Path, demos: int) -> float:
+    """Return how many flights of its own a training has learned from."""
+    last = read_metrics(run)[-1]
+    return last.get("total/episodes", demos + last.get("flights", 0.0)) - demos
 
 
 def _macro(results: Results) -> Iterator[Row]:

@@ -1,5 +1,6 @@
 """Dagger learning: what it costs, what it brings, what of it is learned from, and that a kill costs nothing."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,21 @@ def test_every_round_but_the_first_goes_on_from_the_one_before(whole: Path) -> N
     started = [policy.origin.get("initial") for policy in learned]
     before = [checkpoint.digest(checkpoint.Checkpoint(policy.to_checkpoint().arrays)) for policy in learned]
     assert started == [None, *before[:-1]]
+
+
+def test_it_ends_when_its_rounds_no_longer_gain_wherever_it_was_killed(tmp_path: Path, demos: list[Episode]) -> None:
+    rates, settings = [0.2, 0.6, 0.5, 0.6, 0.9], replace(DAGGER, rounds=4, stale_rounds=2)
+
+    def judged(_: Any, number: int) -> dict[str, float]:
+        return {"success": rates[number]}
+
+    for _ in range(2):
+        policy = train(tmp_path / "run", settings, demos, evaluate=judged)
+        assert policy.origin["round"] == 3
+        assert not (tmp_path / "run" / "rounds" / "004").exists()
+        shutil.rmtree(tmp_path / "run" / "policy")
+    with pytest.raises(InvalidValueError, match="stale_rounds is 2; it needs evaluations"):
+        replace(settings, evaluate_every=0)
 
 
 def test_executed_and_expert_actions_are_both_kept(whole: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.bc_ppo import BCPPO
 from aerial_il.algorithms.cpl import CPL
+from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.dapg import DAPG
 from aerial_il.algorithms.ddpg import DDPG
 from aerial_il.algorithms.expert_iteration import ExpertIteration
@@ -24,6 +25,7 @@ from aerial_il.core.composition import build
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
+from experiments.pixels.study import ARMS
 from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
 
@@ -124,7 +126,9 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
             training=CLONING, steps=2, more_steps=2, batch_size=4, width=8, frames=4, redrawn=2, flown=2, episodes=1
         ),
         "end_to_end": MLP(hidden=(8,), image_features=4),
-        "cloning": BC(steps=2, batch_size=4, validation=0.0),
+        "cloning": BC(steps=2, batch_size=4, validation=0.0, auxiliary=1.0),
+        "asking": DAgger(rounds=1, episodes=1, between_steps=2, evaluate_every=0),
+        "arms": ARMS,
         "tasks": ("press_button",),
         "flown_in": ("calm",),
         "demos": 2,
