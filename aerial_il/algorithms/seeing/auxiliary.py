@@ -58,9 +58,12 @@ class Hidden:
             lacking = "nothing is hidden from it" if images else "it sees no colour image"
             raise InvalidValueError(f"The auxiliary loss tells what is hidden from a policy, and {lacking}. {HINT}")
         estimated = Targets.of(spec.observation, [demo.obs for demo in demos], hidden).estimated
-        if not estimated:
-            raise InvalidValueError(f"Of what is hidden from the policy, {hidden}, nothing ever varies. {HINT}")
-        return Hidden(estimated, tuple(Camera.of(spec, name) for name in images), weight)
+        told = tuple(target for target in estimated if target.field in hidden)
+        if not told:
+            raise InvalidValueError(
+                f"Hidden are {hidden}; none varies by itself, so that there is nothing to tell. {HINT}"
+            )
+        return Hidden(told, tuple(Camera.of(spec, name) for name in images), weight)
 
     @property
     def size(self) -> int:

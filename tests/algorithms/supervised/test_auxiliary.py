@@ -163,6 +163,7 @@ def test_where_there_is_nothing_to_tell_it_says_so(demos: list[Episode], tmp_pat
     for policy, said in (
         (BLIND, "nothing is hidden from it.*observations=onboard"),
         (replace(EYES, images=()), "it sees no colour image.*policy.images"),
+        (replace(EYES, masked_fields=("tip_to_button",)), "none varies by itself"),  # it follows from what is shown
     ):
         with pytest.raises(InvalidValueError, match=said):
             SHORT.train(demos, policy, run=tmp_path, progress=False)
