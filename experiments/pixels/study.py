@@ -44,10 +44,10 @@ from experiments.common.success import failed_seeds, macro_row, pooled_row
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
-UNTOLD, ASKED = "end to end, no auxiliary loss", "end to end, dagger"
+TOLD, ASKED = "end to end, auxiliary loss", "end to end, dagger"
 BLANK, FROZEN = "images blanked", "first frame for ever"
 AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
-ARMS = (*AFFORDABLE, UNTOLD, ASKED)
+ARMS = (*AFFORDABLE, TOLD, ASKED)
 TASKS = (
     "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
     "rotate_valve", "insert_peg",
@@ -136,8 +136,8 @@ class Pixels:
     policy: PolicySettings = field(default_factory=MLP)
     perception: Perception = Perception()
     end_to_end: PolicySettings = field(default_factory=MLP)
-    cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True, auxiliary=1.0)
-    asking: DAgger = DAgger(rounds=2, episodes=50, between_steps=2_000, evaluate_every=0, gate=CoinGate(beta="zero"))
+    cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True)
+    asking: DAgger = DAgger(rounds=3, episodes=60, between_steps=3_000, evaluate_every=0, gate=CoinGate(beta="zero"))
     noise: float = NOISE
     robot: str = "fa_hexa_arm4"
     tasks: tuple[str, ...] = TASKS
@@ -236,7 +236,7 @@ class Pixels:
         )
         if arm == TRUTH:
             return Cloned(arm, source, demos, self.policy, self.perception.training)
-        if arm in (END_TO_END, UNTOLD, ASKED):
+        if arm in (END_TO_END, TOLD, ASKED):
             return self._end_to_end(arm, source, demos)
         algorithm = replace(self.perception, rounds=0) if arm == SHOWN else self.perception
         return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm)
@@ -246,7 +246,7 @@ class Pixels:
         hidden = replace(seeing, masked_fields=(*seeing.masked_fields, TO_BE_SEEN))
         if arm == ASKED:
             return Asked(arm, source, demos, hidden, replace(self.asking, training=self.cloning))
-        cloning = replace(self.cloning, auxiliary=0.0) if arm == UNTOLD else self.cloning
+        cloning = replace(self.cloning, auxiliary=1.0) if arm == TOLD else self.cloning
         return Cloned(arm, source, demos, hidden, cloning)
 
     def _judged(self, stages: Stages, flight: Flight) -> EvaluationResult:

@@ -137,12 +137,13 @@ def test_flying_by_camera_is_judged_beside_its_controls() -> None:
     ]
     hidden = {f.training.method: f.training.policy.masked_fields for f in study.planned()}
     assert TO_BE_SEEN in hidden["end to end"]
-    (told, untold, asked) = (
+    (untold, told, asked) = (
         study._training(arm, "reach", 0, 80)
-        for arm in ("end to end", "end to end, no auxiliary loss", "end to end, dagger")
+        for arm in ("end to end", "end to end, auxiliary loss", "end to end, dagger")
     )
     assert told.policy == untold.policy == asked.policy
-    assert told.algorithm == replace(untold.algorithm, auxiliary=study.cloning.auxiliary) == asked.algorithm.training
+    assert untold.algorithm == study.cloning == asked.algorithm.training
+    assert told.algorithm == replace(study.cloning, auxiliary=1.0)
     spread = {"flights_low": 0.0, "flights_high": 100.0, "train_min": 70.0, "tier": "calm"}
     macro = [{"sees": "perception, images blanked", "percent": 25.0, **spread}]
     rows = [{"sees": "perception", "task": "pick_place", "percent": 96.0, **spread}]

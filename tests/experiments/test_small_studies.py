@@ -126,7 +126,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
             training=CLONING, steps=2, more_steps=2, batch_size=4, width=8, frames=4, redrawn=2, flown=2, episodes=1
         ),
         "end_to_end": MLP(hidden=(8,), image_features=4),
-        "cloning": BC(steps=2, batch_size=4, validation=0.0, auxiliary=1.0),
+        "cloning": BC(steps=2, batch_size=4, validation=0.0),
         "asking": DAgger(rounds=1, episodes=1, between_steps=2, evaluate_every=0),
         "arms": ARMS,
         "tasks": ("press_button",),
