@@ -119,6 +119,24 @@ def test_scenes_are_redrawn_where_flights_differ(shown):
         np.testing.assert_allclose(np.linalg.norm(tip, axis=1), 0.013, atol=1e-6)
 
 
+def test_what_faces_the_robot_still_does_when_it_is_redrawn(shown):
+    """Headings and tilts lie between those of the flights: a button seen from behind is none that is ever pressed."""
+    demos = open_dataset(shown, cameras=())
+    with closing(environment("press_button", 1)) as env:
+        starts = np.concatenate([env.get_state() for seed in range(40) if env.reset(seed) is not None])
+        redrawing = Redrawing(env.model, starts)
+        tool, rng = demos[0].obs["ee_pos"][:1], np.random.default_rng(0)
+        recorded, redrawn = (
+            np.concatenate([env.set_state(state)["button_rot6d"] for state in states])
+            for states in (starts[:, None], [redrawing.redrawn(starts[:1], tool, rng) for _ in range(60)])
+        )
+    for said in (lambda rot: np.arctan2(-rot[:, 3], rot[:, 4]), lambda rot: rot[:, 2]):  # heading, and tilt
+        low, high = np.quantile(said(recorded), [0, 1])
+        assert low - 0.05 < said(redrawn).min()
+        assert said(redrawn).max() < high + 0.05
+        assert np.ptp(said(redrawn)) > 0.6 * (high - low), "and they differ as much"
+
+
 def test_what_is_in_the_gripper_stays_there(tmp_path):
     with closing(environment("pick_place", 1)) as env:
         env.reset(3)

@@ -2,7 +2,8 @@
 
 A few hundred flights show as many scenes, however many frames they have, and a network learns scenes by heart. So
 objects are moved about and turned where demonstrations differ in them, each frame anew, and the simulator says what is
-then to be seen. What always stands together, such as a button and its post, moves together.
+then to be seen. They are turned to between how they stood at the start of two flights: from behind, a button that
+always faces the robot teaches nothing. What always stands together, such as a button and its post, moves together.
 """
 
 from __future__ import annotations
@@ -16,7 +17,6 @@ HELD_M = 0.07  # from the tool: what is nearer may be in the gripper, and stays 
 REACHES_M = (0.02, 0.08, 0.25, 0.6)  # deviations of the displacement, one of them for each frame
 VARIES_M, VARIES_RAD, APART_M = 1e-3, 1e-2, 5e-3
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -32,13 +32,15 @@ class Movable:
     """Something that stands elsewhere in each flight, with what stands beside it in all of them.
 
     Attributes:
-        thing: what it is. axes: (3,) bool, along which it differs. turns: whether it differs in heading.
+        thing: what it is. axes: (3,) bool, along which it differs. turns: whether it differs in how it is turned.
+        quats: (E, 4) how it was turned at the start of each flight.
         beside: what goes along, and where that is, (2,) m, in its own heading.
     """
 
     thing: Thing
     axes: np.ndarray
     turns: bool
+    quats: np.ndarray
     beside: list[tuple[Movable, np.ndarray]] = field(default_factory=list)
 
 
@@ -84,17 +86,31 @@ class Redrawing:
     def _displace(self, things: list[Movable], reach: float, tool: np.ndarray, rng: np.random.Generator) -> None:
         """Shift and turn some things as one, unless one of them may be in the gripper."""
         leader, poses = things[0], [self._pose(each.thing) for each in things]
-        step, angle = reach * rng.standard_normal(3) * leader.axes, rng.uniform(-np.pi, np.pi) * leader.turns
+        step, (full, heading) = reach * rng.standard_normal(3) * leader.axes, self._turns(leader, rng)
         free = (pos for each, (pos, _) in zip(things, poses, strict=True) if not each.thing.mocap)
         if any(np.linalg.norm(pos - tool) < HELD_M for pos in free):
             return
-        turn, centre = np.zeros(4), poses[0][0].copy()
-        mujoco.mju_axisAngle2Quat(turn, UP, angle)
-        for pos, quat in poses:
+        centre = poses[0][0].copy()
+        for number, (pos, quat) in enumerate(poses):
             arm = np.zeros(3)
-            mujoco.mju_rotVecQuat(arm, pos - centre, turn)
+            mujoco.mju_rotVecQuat(arm, pos - centre, heading)
             pos[:] = centre + arm + step
-            mujoco.mju_mulQuat(quat, turn, quat.copy())
+            mujoco.mju_mulQuat(quat, heading if number else full, quat.copy())
+
+    def _turns(self, movable: Movable, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Return the turn (4,) of something, and of what stands beside it, about the vertical alone.
+
+        A fixture is turned in full, what is free about the vertical: it lies as it lies.
+        """
+        turn = np.array([1.0, 0.0, 0.0, 0.0])
+        if movable.turns:
+            one, other = movable.quats[rng.integers(len(movable.quats), size=2)]
+            between = one + rng.random() * (np.copysign(1.0, one @ other) * other - one)
+            back = self._pose(movable.thing)[1] * (1.0, -1.0, -1.0, -1.0)
+            mujoco.mju_mulQuat(turn, between / np.linalg.norm(between), back)
+        heading = turn * (1.0, 0.0, 0.0, 1.0)
+        heading /= np.linalg.norm(heading)
+        return (turn if movable.thing.mocap else heading), heading
 
     def _poses(self, state: np.ndarray) -> dict[Thing, np.ndarray]:
         """Return the poses (7,) of all free objects but the robot, and of all fixtures."""
@@ -113,7 +129,7 @@ class Redrawing:
 
 def _movable(thing: Thing, poses: np.ndarray) -> Movable:
     turned = 2.0 * np.arccos(np.clip(np.abs(poses[:, 3:] @ poses[0, 3:]), 0.0, 1.0))
-    return Movable(thing, poses[:, :3].std(0) > VARIES_M, bool(turned.max() > VARIES_RAD))
+    return Movable(thing, poses[:, :3].std(0) > VARIES_M, bool(turned.max() > VARIES_RAD), poses[:, 3:])
 
 
 def _gathered(moving: list[Movable], poses: dict[Thing, np.ndarray]) -> list[Movable]:
