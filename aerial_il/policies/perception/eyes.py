@@ -19,7 +19,7 @@ from aerial_il.policies.perception.relations import sources_of
 from aerial_il.policies.perception.targets import NUMBER, PLACE, Target, Targets
 from aerial_il.policies.perception.tracker import Tracker
 
-FORCE_N = 10.0  # by which forces are divided
+FORCE_N = 10.0  # by which forces are divided, and beyond which they are not told apart
 PRESENT, ABSENT = 1.0, -1.0  # logits above and below which a place is taken to be in the image, and not to be
 
 
@@ -74,7 +74,7 @@ class Eyes(nn.Module):
     def known(self, obs: Observation, pose: Pose) -> np.ndarray:
         """Return (n, K) float32 what a camera's network is told: how it is held, how high, and the robot's own."""
         down, height = -pose.rot[:, 2], pose.pos[:, 2:]
-        own = [obs[name] / (FORCE_N if name.endswith("_force") else 1.0) for name in self.own]
+        own = [np.clip(obs[name] / FORCE_N, -1.0, 1.0) if name.endswith("_force") else obs[name] for name in self.own]
         return np.concatenate([down, height, *own], axis=1).astype(np.float32)
 
     @torch.inference_mode()

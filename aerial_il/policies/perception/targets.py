@@ -24,6 +24,7 @@ from aerial_il.policies.perception.relations import Rate, Sum, find_rates, find_
 
 Kind = Literal["place", "rotation", "heading", "number"]
 PLACE, ROTATION, HEADING, NUMBER = "place", "rotation", "heading", "number"
+FARTHEST = 6.0  # deviations of the demonstrations: beyond, as after a crash, numbers are not told apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +54,7 @@ class Target:
             return turned(np.swapaxes(pose.rot, 1, 2), values)
         if self.kind == HEADING:
             return _rotated(values, -self.fold * yaw_of(pose))
-        return (values - self.centre) / self.scale
+        return np.clip((values - self.centre) / self.scale, -FARTHEST, FARTHEST)
 
     def decode(self, told: np.ndarray, pose: Pose) -> np.ndarray:
         """Return the values (n, size) of a field that is no place, as a camera tells of them."""

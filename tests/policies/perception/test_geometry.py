@@ -14,7 +14,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.perception.cameras import Camera, Pose
 from aerial_il.policies.perception.relations import find_rates, find_sums
-from aerial_il.policies.perception.targets import Targets
+from aerial_il.policies.perception.targets import FARTHEST, Target, Targets
 
 ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "floating_gripper", "mini_quad_gripper")
 
@@ -134,6 +134,16 @@ def test_rates_are_found_and_others_are_not():
         "the angle, as its rate is wanted"
     )
     assert Targets.from_dict(targets.to_dict()).to_dict() == targets.to_dict()
+
+
+def test_what_no_demonstration_comes_near_is_told_as_far():
+    """A crash presses a thousand times as hard as any demonstration: it must not be all that is learned from it."""
+    camera = Camera("wrist_rgb", "tool", np.eye(3), np.zeros(3), slope=0.8, aspect=1.5)
+    pose = Pose(np.tile(np.eye(3), (3, 1, 1)), np.zeros((3, 3)))
+    force = Target("force", "number", 1, 1, np.ones(1), np.full(1, 0.5), np.zeros(1))
+    told = force.encode(np.array([[1.0], [2.0], [500.0]]), pose, camera)
+    np.testing.assert_allclose(told[:, 0], [0.0, 2.0, FARTHEST])
+    np.testing.assert_allclose(force.decode(told, pose)[:2, 0], [1.0, 2.0])
 
 
 def test_what_a_robot_knows_by_itself_is_not_estimated():
