@@ -12,10 +12,12 @@ from hypothesis import settings
 
 from aerial_il.core import provenance
 from aerial_il.core.rendering import can_render, choose_backend
+from aerial_il.suite.physics.thread_pool import CORES
 
 MEMORY, ROOM_BYTES = Path("/dev/shm"), 8 << 30
 
 choose_backend()
+os.environ.setdefault(CORES, "1")  # tests run abreast: a test of several threads says how many
 os.environ.pop("COLUMNS", None)  # which is set where tests run abreast: tables would be as wide as that
 if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > ROOM_BYTES:
     # Thousands of small files are flushed to the disk, up to 10 ms each; where memory is plenty they lie there.

@@ -76,17 +76,14 @@ class Stage:
 
     def move(self, rows: np.ndarray, body: str, pos: np.ndarray) -> None:
         """Shift the whole robot until ``body`` of it, or its ``tool``, is at ``pos`` (k, 3)."""
-        self.worlds.forward()
-        for row, wanted in zip(rows, pos, strict=True):
-            data = self.worlds.data(row)
+        for data, row, wanted in zip(self._datas(rows), rows, pos, strict=True):
             now = data.site("tool").xpos if body == "tool" else data.body(body).xpos
             self.qpos[row, :3] += wanted - now
 
     def pose(self, rows: np.ndarray, pos: np.ndarray, mat: np.ndarray) -> None:
         """Turn and shift the whole robot until its tool is at ``pos`` (k, 3) with attitude ``mat`` (k, 3, 3)."""
-        self.worlds.forward()
-        for row, wanted in zip(rows, mat, strict=True):
-            data, turn, quat = self.worlds.data(row), np.empty(4), np.empty(4)
+        for data, row, wanted in zip(self._datas(rows), rows, mat, strict=True):
+            turn, quat = np.empty(4), np.empty(4)
             mujoco.mju_mat2Quat(turn, (wanted @ data.site("tool").xmat.reshape(3, 3).T).ravel())
             mujoco.mju_mulQuat(quat, turn, self.qpos[row, 3:7])
             self.qpos[row, 3:7] = quat
@@ -99,9 +96,15 @@ class Stage:
 
     def where(self, rows: np.ndarray, body: str) -> tuple[np.ndarray, np.ndarray]:
         """Position (k, 3) and attitude (k, 3, 3) of a body as the states stand."""
-        self.worlds.forward()
-        result = [self.worlds.data(row).body(body) for row in rows]
+        result = [data.body(body) for data in self._datas(rows)]
         return np.array([b.xpos.copy() for b in result]), np.array([b.xmat.reshape(3, 3).copy() for b in result])
+
+    def _datas(self, rows: np.ndarray) -> list[mujoco.MjData]:
+        """Return worlds in which everything is where the written states put it; contacts and sensors follow later."""
+        result = [self.worlds.data(row) for row in rows]
+        for data in result:
+            mujoco.mj_kinematics(self.model, data)
+        return result
 
 
 class Placed:

@@ -60,8 +60,9 @@ NETWORKS = {"critic_hidden": (32, 32), "reward_hidden": (32,), "gamma": 0.9, "gr
 ONLINE: dict[str, Any] = {**NETWORKS, **ALONE, "steps": 1_200, "warmup": 200, "batch_size": 64, "lr": 3e-3}
 OFF_POLICY = {**ONLINE, "utd_ratio": 0.5, "tau": 0.05, "actor_every": 1, "reward_lr": 2e-3, "reward_updates": 1.0}
 OFF_POLICY |= {"exploration": 0.5, "target_every": 1, "offline_steps": 200}
-ON_POLICY = {**ONLINE, "steps": 10_240, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
+ON_POLICY = {**ONLINE, "warmup": 0, "rollout": 512, "epochs": 8, "batch_size": 128}
 ON_POLICY |= {"step_size": 0.1, "critic_lr": 3e-3, "noise": 0.5, "kl": 0.0, "trial": 8}
+SOON = ("airl", "bc_ppo", "npg", "ppo", "residual")  # learn it in half of the steps
 WHOLE = {"a2c": {"epochs": 1, "batch_size": None}}  # one step by the whole of a rollout
 ON_POLICY |= {"reward_batch": 256, "reward_lr": 3e-3, "reward_updates": 32, "buffer_size": 2048}
 
@@ -108,8 +109,9 @@ def small(name: str) -> Any:
         if not isinstance(getattr(cls, "rollout", None), Rollout):
             shown = {"steps": 600} if cls.demonstrated else {}  # half as many suffice
             return made(cls, OFF_POLICY | shown)
-        learned = {"steps": 6_144}  # a learned reward says more per step
-        return made(cls, ON_POLICY | WHOLE.get(name, {}) | ({"reward": "environment"} if cls.rewarded else learned))
+        steps = (10_240 if cls.rewarded else 6_144) // (2 if name in SOON else 1)  # a learned reward says more a step
+        paid = {"reward": "environment"} if cls.rewarded else {}
+        return made(cls, ON_POLICY | WHOLE.get(name, {}) | paid | {"steps": steps})
     if cls is BC:
         return CLONES
     if issubclass(cls, CPL):

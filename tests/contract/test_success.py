@@ -1,7 +1,7 @@
 """Success is what the instruction says, judged a second time from raw positions.
 
 Each task's worlds are put into random states: where the object belongs, and where it does not. A predicate written
-here, from the instruction, must agree with the task's own assessment in every one: of 2,000, of 10,000 (slow).
+here, from the instruction, must agree with the task's own assessment in every one: of 1,000, of 10,000 (slow).
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ from tests.contract.rules_of_poses import (
     tool_at_mark,
 )
 
-PLACEMENTS, AT_LENGTH = 2_000, 10_000
+PLACEMENTS, AT_LENGTH = 1_000, 10_000
 
 
 def judged(env: BatchEnvironment) -> np.ndarray:
