@@ -15,6 +15,7 @@ from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.suite import disturbances, tiers
+from aerial_il.suite.physics.thread_pool import CORES, ThreadPool, available_cores
 from tests.contract.registered import random_actions
 
 IN_HARD = tuple(name for name in tiers.components() if "hard" in disturbances.strengths(name))
@@ -184,3 +185,10 @@ def test_observations_have_one_name_everywhere() -> None:
     step = worlds.step(np.zeros((2, worlds.spec.action.size)))
     assert step.observation is step.obs
     assert set(step.observation) == set(single.observation)
+
+
+def test_worlds_are_flown_by_all_cores_where_nobody_says_how_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(CORES, "3")
+    assert [ThreadPool(8, threads).hands for threads in (0, 1, 2)] == [3, 1, 2]
+    monkeypatch.delenv(CORES)
+    assert ThreadPool(8).hands == min(8, available_cores())
