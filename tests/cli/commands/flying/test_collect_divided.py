@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("no_commit")
 PARTS = ["episodes=10", "seed=3", "num_envs=2", "progress=false"]
 FLOWN = {
     "collect": ["collect", "robot=quad", "task=hover", *PARTS],
-    "generate": ["generate", "dataset=SHOWN", *PARTS],
+    "generate": ["generate", *PARTS],
 }
 
 
@@ -50,14 +50,16 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Path:
 )
 def test_the_dataset_is_the_same_whoever_records_or_is_killed(
     tmp_path: Path,
-    shown: Path,
+    request: pytest.FixtureRequest,
     monkeypatch: pytest.MonkeyPatch,
     command: str,
     shard: int,
     victims: set[str],
     jobs: int,
 ) -> None:
-    typed = [word.replace("SHOWN", str(shown)) for word in FLOWN[command]]
+    typed = [*FLOWN[command]]
+    if command == "generate":
+        typed.append(f"dataset={request.getfixturevalue('shown')}")
     assert main([*typed, f"out={tmp_path}/whole"]) == 0
     killed = set[str]()
 
