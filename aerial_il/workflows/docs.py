@@ -16,7 +16,7 @@ class Docs:
 
     Attributes:
         out: folder that gets robots/NAME.md with a drawing, and tasks/NAME.md; null for none.
-        films: also make their pictures and clips anew, of an expert's flight each (minutes).
+        films: also make their pictures and clips anew, of an expert's flight each, and gallery.png (minutes).
         site: folder of the site; null for none.
         open: open the site in a browser, or say how where there is no screen.
         strict: a warning about a page is an error.
@@ -74,15 +74,15 @@ def write_drawings(folder: str) -> list[Path]:
 
 
 def write_films(folder: Path) -> list[Path]:
-    """Fly every task and every robot once and keep a picture and a clip of each."""
+    """Fly every task and every robot once and keep a picture and a clip of each, and a sheet of all pictures."""
     from tempfile import TemporaryDirectory
 
     from aerial_il.core.rendering import require_rendering
-    from aerial_il.presentation.pages.gallery import copy_films, write_gallery
+    from aerial_il.presentation.pages.gallery import copy_films, write_gallery, write_sheet
     from aerial_il.workflows.catalogue import catalogue
     from aerial_il.workflows.parts.pilots import expert_flight
 
     require_rendering("films=true")
     with TemporaryDirectory() as place:
         gallery = write_gallery(Path(place) / "gallery.html", catalogue(), fly=expert_flight)
-        return copy_films(gallery, folder)
+        return [*copy_films(gallery, folder), write_sheet(folder / "gallery.png", gallery)]

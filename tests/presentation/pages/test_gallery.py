@@ -4,10 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import aerial_il
 from aerial_il.core.errors import AerialError, SimulationDivergedError
 from aerial_il.data.episode import Episode
+from aerial_il.presentation.documentation.sources import ROOT
 from aerial_il.presentation.films import clips
 from aerial_il.presentation.pages import gallery
 from aerial_il.presentation.pages.gallery import Gallery, write_gallery, write_sheet
@@ -32,6 +34,14 @@ def test_every_robot_and_task_that_can_be_flown_has_a_card() -> None:
     assert {c.name for c in chosen if c.kind == "task"} == {task for _, task in cells}
     assert {(c.robot, c.task) for c in chosen} <= cells
     assert all(c.name == (c.robot if c.kind == "robot" else c.task) for c in chosen)
+
+
+def test_the_sheet_of_the_docs_has_a_place_for_every_card_and_no_other() -> None:
+    rows = -(-len(gallery.cards()) // gallery.SHEET_COLUMNS)
+    height, width = gallery.SHEET_PICTURE
+    sheet = Image.open(ROOT / "docs/gallery.png")
+    assert sheet.size == (gallery.SHEET_COLUMNS * width, rows * (height + gallery.SHEET_LABEL))
+    assert (ROOT / "docs/gallery.png").stat().st_size < 1_000_000
 
 
 def test_no_cell_is_shown_twice_while_others_are_unseen() -> None:
