@@ -94,6 +94,7 @@ class SortPegs(Task):
         return infeasible_upright_hold(robot)
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE  # a peg in a bore is near to all its walls
         add_table(spec)
         add_lamps(spec, PANEL_POS, COLOURS)
         grey = [0.62, 0.62, 0.64, 1.0]
