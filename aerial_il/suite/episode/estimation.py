@@ -58,10 +58,12 @@ SIGHT = np.dtype(
         ("centres", np.int64, (MAX_NAMES,)),  # the site of each object about which its error turns it
         *((name, np.int64, (MAX_NAMES,)) for name in ("site_objects", "site_slots", "mocap_objects")),
         *((name, np.int64, (MAX_NAMES,)) for name in ("joint_kinds", "joint_objects", "joint_slots")),
+        ("num_velocities", np.int64),
+        *((name, np.int64, (MAX_NAMES,)) for name in ("velocity_states", "velocity_objects", "velocity_slots")),
     ],
     align=True,
 )
-FORCES_START, OWN_MEMORY_STOP = layout.FORCES.start, layout.TASK.stop
+FORCES_START, TASK_START, OWN_MEMORY_STOP = layout.FORCES.start, layout.TASK.start, layout.TASK.stop
 SEED, TICK, STEP, USERDATA_SIZE = layout.SEED, layout.TICK, layout.STEP, layout.USERDATA_SIZE
 FRAME, OBJECT, KICK = 32, 36, 48  # first channels of random numbers: of the frame, of objects, of their noise
 FORCE_BIAS, FORCE_NOISE = 80, 84
@@ -137,6 +139,8 @@ def perceive(perception, world, seen, now, effects):
     for k in range(sight.num_joints):
         if sight.joint_kinds[k] != NOT_SEEN:
             _see_joint(sight, world, userdata, seen, k)
+    for k in range(sight.num_velocities):
+        _see_velocity(sight, userdata, seen, k)
 
 
 @kernel
@@ -163,6 +167,8 @@ def _remember(sight, world, userdata, start):
         if sight.joint_slots[k] != STILL:
             slot = start + sight.joint_slots[k]
             userdata[slot], userdata[slot + 1] = joint_pos(world, k), joint_vel(world, k)
+    for k in range(sight.num_velocities):
+        put(userdata, start + sight.velocity_slots[k], vec(userdata, TASK_START + sight.velocity_states[k]))
 
 
 @kernel
@@ -227,6 +233,18 @@ def _see_joint(sight, world, userdata, seen, k):
         speed += noise / sight.time * userdata[sight.errors + 6 * which + axis - 1]
     doubles(seen.qpos + 8 * seen.joints[k], 1)[0] = position
     doubles(seen.qvel + 8 * seen.dofs[k], 1)[0] = speed
+
+
+@kernel
+def _see_velocity(sight, userdata, seen, k):
+    """A velocity that the task keeps, as wrong as a joint's speed: by errors that wander apart from the position's."""
+    state = TASK_START + sight.velocity_states[k]
+    velocity = vec(userdata, state)
+    if sight.lag > 0:
+        velocity = vec(userdata, _past(sight, userdata) + sight.velocity_slots[k])
+    wandering = vec(userdata, sight.errors + 6 * sight.velocity_objects[k] + 3)
+    wrong = scale(sight.position_noise / sight.time, wandering)
+    put(doubles(seen.userdata + 8 * state, 3), 0, add(velocity, wrong))
 
 
 @kernel

@@ -29,7 +29,7 @@ from aerial_il.suite.physics.view import View
 from aerial_il.suite.scenario import Scenario
 
 KINDS = {mujoco.mjtJoint.mjJNT_HINGE: HINGE, mujoco.mjtJoint.mjJNT_SLIDE: SLIDE}
-POSE_SIZE, JOINT_SIZE = 7, 2  # numbers that are remembered of a site and of a joint that move
+POSE_SIZE, JOINT_SIZE, VELOCITY_SIZE = 7, 2, 3  # numbers that are remembered of a site, a joint, a velocity
 NUM_ERRORS = 6  # of an object
 MOST_OBJECTS = 6  # whose random numbers have channels of their own, see ``estimation``
 
@@ -115,6 +115,10 @@ class Perceived:
             if kind != NOT_SEEN:
                 sight["joint_objects"][0, k] = self._object_of(f"joint {name}", int(model.joint(name).bodyid[0]))
                 sight["joint_slots"][0, k] = self._slot(JOINT_SIZE)
+        for k, (name, state) in enumerate(self._task.velocities.items()):
+            which = sight["site_objects"][0, names.sites.index(name)]
+            sight["velocity_states"][0, k], sight["velocity_objects"][0, k] = state, which
+            sight["velocity_slots"][0, k] = self._slot(VELOCITY_SIZE)
         for k, name in enumerate(names.mocaps):
             is_commanded = name in self._task.commanded
             sight["mocap_objects"][0, k] = (
@@ -122,7 +126,7 @@ class Perceived:
             )
         sight["num_objects"], sight["num_sites"] = len(self._roots), len(sites)
         sight["num_joints"], sight["num_mocaps"] = len(names.joints), len(names.mocaps)
-        sight["num_forces"] = len(self._task.force_sensors)
+        sight["num_forces"], sight["num_velocities"] = len(self._task.force_sensors), len(self._task.velocities)
         self._find_memory(sight)
         fingers = 2 * int(record["grips"])
         sight["own_qpos"] = record["fingers"] + fingers
@@ -154,8 +158,8 @@ class Perceived:
         _, most = self._task.sight
         if self._places > most:
             raise InvalidValueError(
-                f"The moving sites and joints of task {self._task.name!r} take {self._places} numbers, and "
-                f"an estimate holds {most}: {POSE_SIZE} for each site, {JOINT_SIZE} for each joint. Name one site per "
+                f"The moving sites, joints and velocities of task {self._task.name!r} take {self._places} numbers, and "
+                f"an estimate holds {most}: {POSE_SIZE}, {JOINT_SIZE} and {VELOCITY_SIZE} for each. Name one site per "
                 "object, and compute its other points from there, along the axes of site_mat, or say more in `sight`."
             )
         return first

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -38,7 +40,7 @@ from aerial_il.suite.props.slung_load import (
     add_goal,
     add_slung_load,
 )
-from aerial_il.suite.tasks.fields import EXACT, direction, seen
+from aerial_il.suite.tasks.fields import EXACT, direction, seen, velocity
 from aerial_il.suite.tasks.task import FREE_HANG_M, Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S
 
@@ -88,7 +90,7 @@ class CarrySlungLoad(Task):
     names = Names(sites=("load", "gate", "goal"), joints=("load",), contacts=("load_on_ground",))
     force_sensors = ("gate_force",)
     scene_height_m = 0.9
-    privileged = (("load_vel", "a low-pass of the true velocity: an estimate from pictures is later and noisier"),)
+    velocities: ClassVar[Mapping[str, int]] = {"load": VELOCITY}
     scene_distance = 1.6
 
     def own_infeasibility(self, robot: Robot) -> str | None:
@@ -117,13 +119,7 @@ class CarrySlungLoad(Task):
     def fields(self) -> tuple[Field, ...]:
         return (
             seen("load_pos", "middle of the load"),
-            seen(
-                "load_vel",
-                "velocity of the load",
-                unit="m/s",
-                noise=f"a low-pass of {FILTER_S} s; no noise",
-                real=False,
-            ),
+            velocity("load_vel", "velocity of the load", FILTER_S),
             seen("tip_to_load", "from the fingertips to the load"),
             seen("load_to_gate", "from the load to the middle of the gate, on the ground"),
             direction("gate_direction", "x axis of the gate, which leads through it"),

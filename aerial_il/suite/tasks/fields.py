@@ -6,6 +6,7 @@ from aerial_il.core.specs import Field
 
 XYZ, COS_SIN = ("x", "y", "z"), ("cos", "sin")
 SEEN = "bias and noise of the object's pose, seen late; exact without `estimation`"
+SPEED = "noise of the object's position over its correlation time, seen late; exact without `estimation`"
 FELT = "bias and white noise of a force sensor; exact without `estimation`"
 GIVEN = "exact: the user gives it"
 OWN = "that of the robot's own estimate, see `base_pos`"
@@ -28,6 +29,11 @@ def seen(
     labels = (XYZ if size == 3 else ()) if labels is None else labels
     told = {"unit": unit, "labels": labels, "frame": frame, "meaning": meaning, "noise": noise}
     return Field(name, (size,), "task", **told, real=real, onboard=onboard)
+
+
+def velocity(name: str, meaning: str, filter_s: float) -> Field:
+    """Return the field of a velocity that a filter of ``filter_s`` s gets from what is seen, m/s."""
+    return seen(name, meaning, unit="m/s", noise=f"a low-pass of {filter_s} s; {SPEED}")
 
 
 def felt(name: str, meaning: str, size: int = 3, *, frame: str = "world", real: bool = True) -> Field:

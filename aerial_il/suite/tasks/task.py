@@ -8,7 +8,7 @@ needs lives in the simulator.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -77,11 +77,13 @@ class Task(ABC):
             a task judges, every physics step of the last control step is kept.
         commanded: sites and mocap bodies of ``names`` that the user gives the robot as numbers: it need not see them,
             and they are exact in every tier.
+        velocities: sites whose velocity (m/s, world) the task's state keeps to show, each with the first of its three
+            places there: ``estimation`` shows it as late and wrong as it sees the object.
         privileged: fields that no real robot has, each with the reason.
         goal: which fields hold what is wanted and what has been achieved, and what any of it is paid, where success is
             a matter of the goal alone; None elsewhere.
-        sight: objects that are seen, and numbers of what moves of them (7 a site, 2 a joint), of a task that has more
-            of either than the fixed layout of an episode's memory holds.
+        sight: objects that are seen, and numbers of what moves of them (7 a site, 2 a joint, 3 a velocity), of a task
+            that has more of either than the fixed layout of an episode's memory holds.
         scene_height_m: of the point that the camera ``scene`` looks at. scene_distance: how far off that camera is, in
             units of what suits a table.
     """
@@ -101,6 +103,7 @@ class Task(ABC):
     asks_for_force: ClassVar[bool] = False
     names: ClassVar[Names] = Names()
     commanded: ClassVar[tuple[str, ...]] = ()
+    velocities: ClassVar[Mapping[str, int]] = {}
     privileged: ClassVar[tuple[tuple[str, str], ...]] = ()
     goal: ClassVar[GoalSpec | None] = None
     sight: ClassVar[tuple[int, int]] = (MAX_OBJECTS, PAST_SIZE)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import ClassVar
 
 import mujoco
 import numpy as np
@@ -33,7 +35,7 @@ from aerial_il.suite.props.toss import (
     add_ball_on_tee,
     add_fenced_bin,
 )
-from aerial_il.suite.tasks.fields import seen
+from aerial_il.suite.tasks.fields import seen, velocity
 from aerial_il.suite.tasks.task import FREE_HANG_M, Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S
 
@@ -87,7 +89,7 @@ class TossBall(Task):
         contacts=("grip_left", "grip_right", "robot_on_ball", "ball_on_ground"),
     )
     scene_height_m = 1.4
-    privileged = (("ball_vel", "a low-pass of the true velocity: an estimate from pictures is later and noisier"),)
+    velocities: ClassVar[Mapping[str, int]] = {"ball": VELOCITY}
     scene_distance = 1.9
 
     def own_infeasibility(self, robot: Robot) -> str | None:
@@ -121,13 +123,7 @@ class TossBall(Task):
     def fields(self) -> tuple[Field, ...]:
         return (
             seen("ball_pos", "middle of the ball"),
-            seen(
-                "ball_vel",
-                "velocity of the ball",
-                unit="m/s",
-                noise=f"a low-pass of {FILTER_S} s; no noise",
-                real=False,
-            ),
+            velocity("ball_vel", "velocity of the ball", FILTER_S),
             seen("bin_pos", "middle of the bin, on the ground"),
             seen("tool_to_ball", "from the tool to the ball"),
             seen("ball_to_bin", "from the ball to the bin"),

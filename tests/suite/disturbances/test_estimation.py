@@ -28,7 +28,7 @@ ROBOT, STEPS = "fa_hexa_arm4", 150
 DECLARED = Estimation()
 NO_ERROR = Estimation(0.0, 0.0, 0.0, 0.0, 0.0, force_bias=0.0, force_noise=0.0, lag=0)
 ENCODERS = {"joint_pos", "joint_vel", "gripper"}
-MARKED = {"lap", "peak_force", "slip", "load_vel", "ball_vel"}  # of which the page says that no robot has them
+MARKED = {"lap", "peak_force", "slip"}  # of which the page says that no robot has them
 COUNTED = {"turn", "is_in", "dirt", "wiped", "through", "picked"}  # told apart without a measure: exact in every tier
 COUNTED |= {"thrust_share", "perched_s"}  # the robot's own rotors, and its own clock
 type Load = Callable[..., BatchEnvironment]
@@ -91,6 +91,32 @@ def test_a_joints_speed_errs_as_its_position_wanders(load: Load) -> None:
     assert rates.std() == pytest.approx(DECLARED.angle_noise / DECLARED.time, rel=0.1)
     angles = hovering(worlds, 50, "door_angle", lambda: worlds.simulation.view.joint("door")[0][:, None])
     assert angles.std() == pytest.approx(np.hypot(DECLARED.angle_bias, DECLARED.angle_noise), rel=0.1)
+
+
+VELOCITIES = pytest.mark.parametrize(("task", "body"), [("toss_ball", "ball"), ("carry_slung_load", "load")])
+
+
+@VELOCITIES
+def test_a_free_bodys_velocity_is_seen_as_many_steps_late_as_declared(load: Load, task: str, body: str) -> None:
+    late, exact = (load(task, estimation) for estimation in (replace(NO_ERROR, lag=3), None))
+    seen, true = [late.reset(0)[f"{body}_vel"]], [exact.reset(0)[f"{body}_vel"]]
+    for view in (late.simulation.view, exact.simulation.view):
+        view.qvel[:, view.free_joint(body)[1].start + 2] = 1.5  # m/s: somebody has thrown it up
+    for _ in range(8):
+        seen.append(late.step(hold_actions(late)).obs[f"{body}_vel"])
+        true.append(exact.step(hold_actions(exact)).obs[f"{body}_vel"])
+    assert np.ptp(true, axis=0)[:, 2].min() > 0.3
+    for step in range(9):
+        np.testing.assert_array_equal(seen[step], true[max(step - 3, 0)])
+
+
+@VELOCITIES
+def test_a_free_bodys_velocity_errs_as_its_position_wanders(load: Load, task: str, body: str) -> None:
+    worlds = load(task, replace(DECLARED, lag=0), n=128)
+    first, view = tasks.get(task).velocities[body], worlds.simulation.view
+    wrong = hovering(worlds, 20, f"{body}_vel", lambda: view.task_state[:, first : first + 3])
+    assert wrong.std() == pytest.approx(DECLARED.position_noise / DECLARED.time, rel=0.1)
+    assert abs(np.corrcoef(wrong.reshape(-1, 3), rowvar=False) - np.eye(3)).max() < 0.15, "each axis by itself"
 
 
 def test_a_force_sensor_has_its_declared_bias_and_noise(load: Load) -> None:
