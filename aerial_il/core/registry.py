@@ -58,7 +58,9 @@ KINDS: Mapping[str, Kind] = {
     "controller": Kind("aerial_il.control.controllers", "", frozenset({"law"})),
     "disturbance": Kind("aerial_il.suite.disturbances", "", frozenset({"disturbance", "nominal"})),
     "sensor": Kind("aerial_il.suite.sensors", "", frozenset({"sensor"})),
-    "expert": Kind("aerial_il.experts", "EXPERT", frozenset({"expert", "hook", "perturbation", "set_down", "staged"})),
+    "expert": Kind(
+        "aerial_il.experts", "EXPERT", frozenset({"expert", "gaze", "hook", "perturbation", "set_down", "staged"})
+    ),
     "format": Kind("aerial_il.data.formats", "recognises"),
     "policy": Kind("aerial_il.policies"),
     "algorithm": Kind("aerial_il.algorithms"),

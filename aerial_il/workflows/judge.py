@@ -21,7 +21,7 @@ class Judge(Reading):
     Attributes:
         dataset: whose successes are judged, against each other.
         policy: a run that was cloned from it; each of its demonstrations is then judged by its influence, too.
-        flights: recordings of that policy's own flights, successes and failures, as aerial-il fly makes them.
+        flown: recordings of that policy's own flights, successes and failures, as aerial-il fly makes them.
         output: what of the policy's network is differentiated for that: the square of what it answers, which tells
             demonstrations apart by where they were flown; or, of flights with noise in their actions, their likelihood.
         keep: write what is found into the dataset, for info, filter and browse; others' data are left alone.
@@ -30,16 +30,16 @@ class Judge(Reading):
 
     dataset: str
     policy: str | None = None
-    flights: str | None = None
+    flown: str | None = None
     output: Literal["square", "likelihood"] = "square"
     keep: bool = True
     progress: bool = True
 
     def __post_init__(self) -> None:
         require_choice(self, "output", Literal["square", "likelihood"])
-        if (self.policy is None) != (self.flights is None):
+        if (self.policy is None) != (self.flown is None):
             raise InvalidValueError(
-                f"policy={self.policy} and flights={self.flights}: influence takes a run, and recordings of its own "
+                f"policy={self.policy} and flown={self.flown}: influence takes a run, and recordings of its own "
                 "flights. Fly some: aerial-il fly policy=RUN episodes=100 out=datasets/flown"
             )
 
@@ -71,7 +71,7 @@ def judge(settings: Judge) -> Judgement:
 
 def _influence(settings: Judge) -> dict[str, dict[str, float]]:
     """Return the column of each demonstration's influence on the success of the policy's own flights; none without."""
-    if settings.policy is None or settings.flights is None:
+    if settings.policy is None or settings.flown is None:
         return {}
     from aerial_il.algorithms.supervised.influence import influence
     from aerial_il.data.dataset import open_dataset
@@ -80,7 +80,7 @@ def _influence(settings: Judge) -> dict[str, dict[str, float]]:
     from aerial_il.workflows.parts.learned_from import learned_from
 
     learned, policy = learned_from(read_run(settings.policy), settings.dataset), load_policy(settings.policy)
-    flights = open_dataset(settings.flights, failures=True, states=False, cameras=policy.config.images)
+    flights = open_dataset(settings.flown, failures=True, states=False, cameras=policy.config.images)
     for flight in flights.one_of_each():
         _require_own(str(flight.provenance.get("policy")), settings)
     scores = influence(policy, [*learned.kept, *learned.held_out], flights, output=settings.output)
@@ -90,6 +90,6 @@ def _influence(settings: Judge) -> dict[str, dict[str, float]]:
 def _require_own(pilot: str, settings: Judge) -> None:
     if Path(pilot).resolve() != Path(str(settings.policy)).resolve():
         raise InvalidValueError(
-            f"{settings.flights} was flown by {pilot}, not by {settings.policy}: it does not tell what that learned "
+            f"{settings.flown} was flown by {pilot}, not by {settings.policy}: it does not tell what that learned "
             f"from whom. Fly it: aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
         )

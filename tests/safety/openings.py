@@ -73,6 +73,8 @@ def beside(sound: Sound) -> dict[tuple[str, str], list[str]]:
         ("inspect", "beside"): [f"path={sound.recording}", "save=seen.rrd"],
         ("inspect", "policy"): [f"path={sound.recording}", "save=seen.rrd"],
         ("judge", "dataset"): [QUIET],
+        ("judge", "policy"): [dataset, f"flown={sound.dataset}", QUIET],
+        ("judge", "flown"): [dataset, f"policy={sound.run}", QUIET],
         ("merge", "datasets"): ["out=merged", "mix=true", QUIET],
         ("merge", "out"): [f"datasets=[{sound.dataset},{sound.dataset}]", QUIET],
         ("evaluate", "again"): ["out=again", "videos=0", QUIET],

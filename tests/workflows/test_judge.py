@@ -37,7 +37,7 @@ def inside(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_filter_knows_the_influence_of_every_demonstration(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["judge", "demos", "policy=run", "flights=flown", QUIET]) == 0
+    assert main(["judge", "demos", "policy=run", "flown=flown", QUIET]) == 0
     assert 'where="influence > 0" out=demos-helpful' in capsys.readouterr().out
     scores = read_columns(Path("demos"))["influence"]
     assert scores.keys() == {*open_dataset("demos", failures=True).uids}
@@ -49,9 +49,9 @@ def test_filter_knows_the_influence_of_every_demonstration(capsys: pytest.Captur
     ("words", "said"),
     [
         (["policy=run"], "influence takes a run, and recordings of its own flights"),
-        (["policy=run", "flights=demos"], "demos was flown by random, not by run"),
-        (["policy=run", "flights=flown", "output=loss"], "square"),
-        (["policy=nowhere", "flights=flown"], "nowhere is not a training run"),
+        (["policy=run", "flown=demos"], "demos was flown by random, not by run"),
+        (["policy=run", "flown=flown", "output=loss"], "square"),
+        (["policy=nowhere", "flown=flown"], "nowhere is not a training run"),
     ],
 )
 def test_what_says_nothing_of_its_demonstrations_is_refused(
@@ -62,5 +62,5 @@ def test_what_says_nothing_of_its_demonstrations_is_refused(
 
 
 def test_a_dataset_that_it_did_not_learn_from_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["judge", "flown", "policy=run", "flights=flown", QUIET]) == 2
+    assert main(["judge", "flown", "policy=run", "flown=flown", QUIET]) == 2
     assert "flown is not, or no longer, the dataset that the run was trained on" in capsys.readouterr().err

@@ -3,11 +3,11 @@
 Each measure becomes a column of the dataset, for info, filter and browse: idle, jerk, saturation, inconsistency, lag_s,
 information, repeats (the name of the same one), and suspect (the reasons; empty for none).
 
-With policy= and flights= each demonstration that a run learned from has its influence on the success of that policy's
+With policy= and flown= each demonstration that a run learned from has its influence on the success of that policy's
 own flights, too: below 0, they would go better without it.
 
 Example: aerial-il judge datasets/pick
-Example: aerial-il judge datasets/pick policy=runs/pick flights=datasets/flown
+Example: aerial-il judge datasets/pick policy=runs/pick flown=datasets/flown
 Example: aerial-il filter datasets/pick where="suspect == ''" out=datasets/sound
 """
 
