@@ -6,7 +6,7 @@ ABREAST := --numprocesses=auto --maxprocesses=4 --dist=loadfile
 export HF_HUB_OFFLINE := 1
 export HF_DATASETS_OFFLINE := 1
 
-.PHONY: help setup setup-links demo test test-links test-all fuzz check format bench bench-quick docs notebooks lock slurm newcomer clean
+.PHONY: help setup tools setup-links demo test test-links test-all fuzz check format bench bench-quick docs notebooks lock slurm newcomer clean
 
 help: ## list these commands
 	@awk -F ':.*## ' '/^[a-z-]+:.*## /{printf "  make %-11s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,13 +32,16 @@ test-links: setup-links ## fly robots over ROS 2 and MAVLink and exported polici
 fuzz: setup ## read 16,000 mutated files, into runs/fuzz; interrupted, the same command continues
 	@OMP_NUM_THREADS=1 $(BIN)/python -m tests.safety.fuzz runs/fuzz
 
-check: setup ## lint, formatting, types and the layers between packages
+tools:
+	@setup/environment.sh uncompiled
+
+check: tools ## lint, formatting, types and the layers between packages
 	@$(BIN)/ruff check .
 	@$(BIN)/ruff format --check .
 	@$(BIN)/basedpyright
 	@$(BIN)/lint-imports
 
-format: setup ## put the code in order
+format: tools ## put the code in order
 	@$(BIN)/ruff check --fix .
 	@$(BIN)/ruff format .
 

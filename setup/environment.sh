@@ -121,10 +121,11 @@ if [ "$(cat $rendering 2>/dev/null || echo disabled)" = disabled ]; then
     prepare_rendering
 fi
 
-# What flies is compiled once, not in somebody's first flight; the compiled code lies beside its sources.
+# What flies is compiled once, not in somebody's first flight; the compiled code lies beside its sources. What only reads
+# the code, such as make check, needs none of it.
 kernels=$venv/share/aerial_il/kernels
 sources() { find aerial_il/core aerial_il/control aerial_il/suite aerial_il/experts -name '*.py' | LC_ALL=C sort | xargs cat | cksum; }
-if [ "$(cat $kernels 2>/dev/null)" != "$(sources)" ]; then
+if [ "${1:-}" != uncompiled ] && [ "$(cat $kernels 2>/dev/null)" != "$(sources)" ]; then
     say "Compiling what flies (about a minute) ..."
     if $venv/bin/python setup/compile_kernels.py; then
         sources > $kernels

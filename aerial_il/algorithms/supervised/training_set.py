@@ -295,6 +295,16 @@ class Prepared:
     hidden: Hidden | None = None
 
 
+def hidden_in(demos: Demonstrations, auxiliary: float) -> Hidden | None:
+    """Return what is told of images while a policy is trained, with the weight ``auxiliary``; None without one."""
+    return Hidden.of(demos.layout, demos.kept, auxiliary) if auxiliary else None
+
+
+def labels_in(demos: Demonstrations, hidden: Hidden | None) -> Frames:
+    """Return what is to be told of the images of the demonstrations that are learned from."""
+    return hidden.labels(demos.kept) if hidden else NO_LABELS
+
+
 def prepare(
     demos: Demonstrations,
     policy: PolicySettings,
@@ -319,8 +329,8 @@ def prepare(
     windows = cut_windows(demos.kept, layout, policy)
     weights = window_weights(demos.weights, windows)
     interface = initial.interface if initial else fit_interface(layout, windows, policy)
-    hidden = Hidden.of(layout, demos.kept, auxiliary) if auxiliary else None
-    labels = hidden.labels(demos.kept) if hidden else NO_LABELS
+    hidden = hidden_in(demos, auxiliary)
+    labels = labels_in(demos, hidden)
     training = TrainingSet(windows, interface, device, labels)
     held_out = TrainingSet(cut_windows(demos.held_out, layout, policy), interface, device) if demos.held_out else None
     order = Shuffle(len(training), batch_size, seed=seed, weights=weights)

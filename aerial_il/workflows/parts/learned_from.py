@@ -2,7 +2,14 @@
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.selection import Selection
-from aerial_il.algorithms.supervised.training_set import Demonstrations, cut_windows, digest_of, window_weights
+from aerial_il.algorithms.supervised.training_set import (
+    Demonstrations,
+    cut_windows,
+    digest_of,
+    hidden_in,
+    labels_in,
+    window_weights,
+)
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 from aerial_il.evaluation.training_run import TrainingRun
@@ -39,6 +46,7 @@ def learned_from(run: TrainingRun, dataset: str | None) -> Demonstrations:
     )
     divided = algorithm.divide(episodes, policy, seed=run.seed)
     windows = cut_windows(divided.kept, divided.layout, policy)
-    if digest_of(windows, window_weights(divided.weights, windows)) != run.config["dataset"]["digest"]:
+    labels = labels_in(divided, hidden_in(divided, settings.get("auxiliary", 0.0)))
+    if digest_of(windows, window_weights(divided.weights, windows), labels) != run.config["dataset"]["digest"]:
         raise InvalidValueError(f"{path} is not, or no longer, the dataset that the run was trained on.")
     return divided

@@ -17,16 +17,19 @@ from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.algorithms.seeing.auxiliary import BETA, Hidden, Telling
 from aerial_il.algorithms.supervised.training_set import prepare
+from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
 from aerial_il.core.checkpoint import Checkpoint, digest
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
+from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import TO_BE_SEEN, Layout
 from aerial_il.policies.parts.network import PolicySettings, Seen
 from aerial_il.policies.parts.vision import VisionNetwork, build_network
 from aerial_il.policies.recurrent import Recurrent
+from aerial_il.workflows.parts.learned_from import learned_from
 from tests.policies.test_registry import NAMES
 
 pytestmark = pytest.mark.render
@@ -179,3 +182,14 @@ def test_dagger_learns_from_it_in_every_round(demos: list[Episode], policy: Poli
     assert learned.config == policy
     for number in (0, 1):
         assert read_metrics(tmp_path / "rounds" / f"{number:03d}" / "training")[-1]["auxiliary"] > 0
+
+
+def test_what_a_run_that_tells_learned_from_is_known_again(demos: list[Episode], tmp_path, monkeypatch) -> None:
+    """Its data hold what it was told, too: by the windows alone they would be another set."""
+    monkeypatch.chdir(tmp_path)
+    with closing(aerial_il.load_batch(*CELL, num_envs=2, **RIG)) as env:
+        collect(env, aerial_il.expert(*CELL), range(2), "demos", progress=False)
+    told = ["algorithm.auxiliary=0.5", "algorithm.steps=4", "algorithm.batch_size=8", "algorithm.validation=0"]
+    policy = ["policy=mlp", "policy.hidden=[8]", "policy.images=[wrist_rgb,base_rgb]", "observations=onboard"]
+    assert main(["train", "dataset=demos", "run=run", "threads=1", "progress=false", *policy, *told]) == 0
+    assert len(learned_from(read_run("run"), "demos").kept) == 2
