@@ -39,9 +39,9 @@ from experiments.common.success import failed_seeds, pooled_rows
 GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
 GENERATED, BOTH, AS_MANY, ALONE = "generated", "both", "as_many", "alone"
 EXPERT_IN_BOTH = "expert_in_both"
-NOISY, SIX, NEAREST = "noisy", "six", "nearest"
+NOISY, SIX, SIX_IN_BOTH, NEAREST = "noisy", "six", "six_in_both", "nearest"
 EVERYWHERE = (GENERATED, BOTH, AS_MANY, EXPERT_IN_BOTH, ALONE)
-ARMS = (*EVERYWHERE, NOISY, SIX, NEAREST)
+ARMS = (*EVERYWHERE, NOISY, SIX, SIX_IN_BOTH, NEAREST)
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
     "inspect_contact",
@@ -217,6 +217,7 @@ class Generation:
                 ALONE: Cloned(ALONE, source, 1, self.policy, replace(self.cloning, validation=0.0)),
                 NOISY: self._generated(NOISY, Out(source, noise=self.noise)),
                 SIX: self._generated(SIX, Out(source, sources=6)),
+                SIX_IN_BOTH: self._generated(SIX_IN_BOTH, Out(source, sources=6), beside=BESIDE),
                 NEAREST: self._generated(NEAREST, Out(source, sources=6, select="nearest")),
             }
             yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in EVERYWHERE)
@@ -252,7 +253,7 @@ NOTES = (
     "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
     "Controls: as_many, a clone of as many flights of the expert with its default noise; expert_in_both, of as many, "
     "half of them in gusts; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
-    "the expert; nearest: out of whichever of these six is nearest.",
+    "the expert; six_in_both: out of these, half of them in gusts; nearest: out of whichever of these six is nearest.",
 )
 
 

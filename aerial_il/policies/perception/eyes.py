@@ -78,20 +78,30 @@ class Eyes(nn.Module):
         return np.concatenate([down, height, *own], axis=1).astype(np.float32)
 
     @torch.inference_mode()
-    def tell(self, tracker: Tracker, k: int, obs: Observation, then: Observation, mask: np.ndarray) -> None:
+    def tell(
+        self, tracker: Tracker, k: int, obs: Observation, then: Observation, age: np.ndarray, mask: np.ndarray
+    ) -> None:
         """Look through camera ``k`` in the worlds of ``mask`` (n,) bool, and tell the tracker.
 
         Args:
             obs: what is shown now. then: what the robot knew of itself when the image was taken.
+            age: (n,) control steps since then.
         """
         camera = self.cameras[k]
         pose = camera.pose(then)
         known = tensor(self.known(then, pose)[mask])
         told = self.eyes[k](tensor(obs[camera.image][mask]), known).numpy()
-        self._hand_on(tracker, camera, pose, told, mask, Carried.between(then, obs))
+        self._hand_on(tracker, camera, pose, told, mask, Carried.between(then, obs), age)
 
     def _hand_on(
-        self, tracker: Tracker, camera: Camera, pose: Pose, told: np.ndarray, mask: np.ndarray, carried: Carried
+        self,
+        tracker: Tracker,
+        camera: Camera,
+        pose: Pose,
+        told: np.ndarray,
+        mask: np.ndarray,
+        carried: Carried,
+        age: np.ndarray,
     ) -> None:
         whole = np.zeros((len(mask), told.shape[1]))
         whole[mask] = told
@@ -105,11 +115,12 @@ class Eyes(nn.Module):
                 tracker.doubt(target.field, mask & expected & (logits.numpy() < ABSENT))
                 turn = pose.rot
                 values = pose.placed(camera.unproject(means))
-                tracker.tell(target.field, seen, values, turn @ cov @ np.swapaxes(turn, 1, 2), carried.now(values))
+                cov, now = turn @ cov @ np.swapaxes(turn, 1, 2), carried.now(values)
+                tracker.tell(target.field, seen, values, cov, carried=now, age=age)
             else:
                 unit = target.scale if target.kind == NUMBER else 1.0
                 variance = np.broadcast_to(np.square(sigma * unit), means.shape)
-                tracker.tell(target.field, mask, target.decode(means, pose), variance)
+                tracker.tell(target.field, mask, target.decode(means, pose), variance, age=age)
 
     def complete(self, obs: Observation, estimates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)`` of all that a robot looks for: estimated, constant, and what follows from them."""

@@ -62,7 +62,8 @@ class PerceivingPolicy(ChunkPolicy):
         self._tracker.fade(np.any(due, axis=0))
         for k, (camera, mask) in enumerate(zip(self.eyes.cameras, due, strict=True)):
             if mask.any():
-                self.eyes.tell(self._tracker, k, obs, self._knew(self._taken(camera.image).delay), mask)
+                delay = self._taken(camera.image).delay
+                self.eyes.tell(self._tracker, k, obs, self._knew(delay), np.minimum(delay, self._steps), mask)
         self._steps = self._steps + 1
         return self.eyes.complete(obs, self._tracker.estimates())
 

@@ -62,15 +62,27 @@ class Tracker:
             each.fade(mask)
 
     def tell(
-        self, field: str, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray | None = None
+        self,
+        field: str,
+        mask: np.ndarray,
+        values: np.ndarray,
+        spread: np.ndarray,
+        *,
+        carried: np.ndarray | None = None,
+        age: np.ndarray | None = None,
     ) -> None:
         """Take in what a camera tells of a field in the worlds of ``mask`` (n,) bool.
 
         Args:
-            values: (n, D). spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
+            values: (n, D), as they were when the image was taken.
+            spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
             carried: (n, 3) where a place is now if the tool has carried it since the image was taken; None for then.
+            age: (n,) control steps since then; None for none.
         """
-        self._filters[field].tell(mask, values, spread, values if carried is None else carried)
+        if isinstance(each := self._filters[field], _Moving):
+            each.tell(mask, values, spread, np.zeros(len(mask)) if age is None else age)
+        else:
+            each.tell(mask, values, spread, values if carried is None else carried)
 
     def doubt(self, field: str, mask: np.ndarray) -> None:
         """Know less of a place in the worlds of ``mask`` (n,) bool: where it should be in an image, it is not."""
@@ -144,7 +156,7 @@ class _Moving:
     """A field that goes on at its rate: for each of its numbers the mean and the covariance of both."""
 
     def __init__(self, target: Target, forget: float, rate: Rate) -> None:
-        self._keep, self._centre, step = forget, target.centre, 1.0 / rate.factor
+        self._keep, self._centre, self._step = forget, target.centre, (step := 1.0 / rate.factor)
         self._onward = np.array([[1.0, step], [0.0, 1.0]])
         self._drift = rate.drift * np.array([[step**2 / 3.0, step / 2.0], [step / 2.0, 1.0]])
         rates = np.full(target.size, rate.square)
@@ -173,14 +185,17 @@ class _Moving:
         too_much = np.maximum(1.0, np.max(np.diagonal(cov, axis1=2, axis2=3) / self._unknown, axis=-1))
         return cov / too_much[..., None, None]
 
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
+    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, age: np.ndarray) -> None:
         cov, noise = self.cov[mask], spread[mask]
         noise = np.diagonal(noise, axis1=1, axis2=2) if noise.ndim == 3 else noise
-        missed, var = values[mask] - self.mean[mask, :, 0], cov[..., 0, 0]
+        then = np.stack([np.ones(len(noise)), -self._step * age[mask]], axis=1)[:, None]  # (m, 1, 2): how it was
+        missed = values[mask] - (self.mean[mask] * then).sum(-1)
+        shared = (cov * then[:, :, None]).sum(-1)
+        var = (shared * then).sum(-1)
         far = np.square(missed) / (var + noise)
-        gain = cov[..., 0] / (var + noise * np.maximum(1.0, far / FAR))[..., None]
+        gain = shared / (var + noise * np.maximum(1.0, far / FAR))[..., None]
         self.mean[mask] += gain * missed[..., None]
-        self.cov[mask] = cov - gain[..., None] * cov[..., None, 0, :]
+        self.cov[mask] = cov - gain[..., None] * shared[..., None, :]
 
     def estimate(self) -> np.ndarray:
         return self.mean[..., 0].copy()

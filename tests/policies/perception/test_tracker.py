@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from aerial_il.policies.perception.relations import Rate
 from aerial_il.policies.perception.targets import Target
@@ -153,3 +154,17 @@ def test_a_place_that_moves_by_itself_is_followed_when_it_is_out_of_sight():
             tracker.tell("ball", BOTH, np.full((2, 3), 0.002 * step), SURE)
     np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.01)
     np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.02)
+
+
+@pytest.mark.parametrize("late", [0, 5])
+def test_a_late_image_of_what_moves_tells_where_it_was(late: int):
+    """A ball at .1 m/s, shown five steps late: a look taken for one of now would leave it a centimetre behind."""
+    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
+    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
+    tracker.begin(BOTH)
+    for step in range(late, 80):
+        tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
+        tracker.fade(BOTH)
+        tracker.tell("ball", BOTH, np.full((2, 3), 0.002 * (step - late)), 1e-2 * SURE, age=np.full(2, late))
+    np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.001)
+    np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.01)
