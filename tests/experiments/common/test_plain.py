@@ -1,0 +1,26 @@
+"""What decides under which name a stage is kept: settings, but for those that came later and change nothing."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import pytest
+
+from aerial_il.algorithms.bc import BC
+from aerial_il.algorithms.dagger import DAgger
+from experiments.common.plain import LATER, plain
+
+CLASSES = {"BC": BC, "DAgger": DAgger}
+
+
+@pytest.mark.parametrize(("kind", "name"), LATER)
+def test_what_came_later_counts_only_where_it_changes_something(kind: str, name: str):
+    settings = CLASSES[kind]()
+    assert name in {each.name for each in fields(settings)}
+    assert name not in plain(settings)
+    assert plain(replace(settings, **{name: LATER[kind, name] + 1}))[name] == LATER[kind, name] + 1
+
+
+def test_all_else_counts_at_its_default_too():
+    assert plain(BC())["obs_noise"] == 0.0
+    assert plain(BC()) != plain(replace(BC(), obs_noise=0.1))
