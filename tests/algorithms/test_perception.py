@@ -176,20 +176,20 @@ def test_late_and_rare_images_are_measured_from_where_they_were_taken(tmp_path):
         collect(env, expert, range(2), tmp_path / "demos", progress=False)
         demos = [*open_dataset(tmp_path / "demos", cameras=IMAGES)]
         policy = trained_on(demos, tmp_path / "run", env)
-        looks = list[tuple[int, int, float]]()
+        looks = list[tuple[int, int, float, int]]()
         tell = policy.eyes.tell
         seen_at = iter(range(100))
         obs, step = env.reset(9), next(seen_at)
         places = [obs["ee_pos"][0, 0]]
 
-        def noted(tracker, k, now, then, mask):
-            looks.append((step, k, float(then["ee_pos"][0, 0])))
-            tell(tracker, k, now, then, mask)
+        def noted(tracker, k, now, then, age, mask):
+            looks.append((step, k, float(then["ee_pos"][0, 0]), int(age[0])))
+            tell(tracker, k, now, then, age, mask)
 
         policy.eyes.tell = noted
         for _ in range(8):
             obs, step = env.step(policy.act(obs)).obs, next(seen_at)
             places.append(obs["ee_pos"][0, 0])
-    wrist = [(step, then) for step, k, then in looks if k == 0]
-    assert wrist == [(step, places[max(0, step - 2)]) for step in (0, 4, 6)]
-    assert [step for step, k, _ in looks if k == 1] == [0, 2, 4, 6]
+    wrist = [(step, then, age) for step, k, then, age in looks if k == 0]
+    assert wrist == [(step, places[max(0, step - 2)], min(step, 2)) for step in (0, 4, 6)]
+    assert [(step, age) for step, k, _, age in looks if k == 1] == [(0, 0), (2, 0), (4, 0), (6, 0)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -126,10 +127,10 @@ class Eyes(nn.Module):
         """Return ``field -> (n, D)`` of all that a robot looks for: estimated, constant, and what follows from them."""
         n = len(next(iter(obs.values())))
         found = {**{name: np.tile(value, (n, 1)) for name, value in self.targets.constant.items()}, **estimates}
-        if self.targets.sums:
-            sources = {**sources_of(obs, ()), **found}
-            found |= {each.field: each.of(sources) for each in self.targets.sums}
-        return found
+        sources, sums = {**sources_of(obs, ()), **found}, defaultdict[str, list[np.ndarray]](list)
+        for each in self.targets.sums:
+            sums[each.field].append(each.of(sources))
+        return found | {name: np.concatenate(points, axis=1) for name, points in sums.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values that rebuild it, but its weights."""

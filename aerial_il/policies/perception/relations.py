@@ -3,7 +3,8 @@
 A task shows where a cube is, and also how far it is from the tool and the bowl from it. Only the places need to be
 estimated. Which displacements are sums of places, of the tool's pose and of axes, with which coefficients, is read off
 the demonstrations by least squares: it holds in every step, or it is none. Likewise no single image shows how fast a
-door turns: which fields are rates of others is read off how these change.
+door turns, nor where a ball will be: which fields are rates of others is read off how these change, and several points
+in one field, such as where something will be soon, are the nearest sums of places and velocities.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerial_il.core.contracts import Observation
-from aerial_il.core.specs import ObservationSpec
+from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.parts.relative import rotations
 
 EXACT_M = 1e-3  # root mean square of what a sum may miss
@@ -26,13 +27,16 @@ AXES = ("tool x", "tool y", "tool z")
 
 @dataclass(frozen=True)
 class Sum:
-    """A field that is a sum of others: ``terms``, each a source and its coefficient."""
+    """A field that is a sum of others: ``terms``, each a source and its coefficient.
+
+    A field of several points has as many sums, in their order.
+    """
 
     field: str
     terms: tuple[tuple[str, float], ...]
 
     def of(self, sources: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Return the field (n, 3)."""
+        """Return the field, or a point of it, (n, 3)."""
         return np.sum([factor * sources[name] for name, factor in self.terms], axis=0)
 
 
@@ -77,6 +81,25 @@ def find_sums(spec: ObservationSpec, obs: Observation) -> tuple[Sum, ...]:
         else:
             found.append(Sum(name, tuple((n, float(c)) for n, c in zip(names, terms, strict=True) if c)))
     return tuple(found)
+
+
+def find_points(spec: ObservationSpec, obs: Observation, names: Sequence[str]) -> tuple[Sum, ...]:
+    """Return for each point of the fields that have several the sum that comes nearest to it, however near that is.
+
+    Args:
+        spec: of the observations. obs: ``name -> (n, ...)``. names: places and velocities that are known, (n, 3) each.
+    """
+    sources = {name: obs[name] for name in (TOOL[0], *names) if name in obs}
+    columns, found = np.stack([each.ravel() for each in sources.values()], axis=1), list[Sum]()
+    for name in (n for n in spec.to_be_seen if names and _has_points(spec[n])):
+        for start in range(0, spec[name].size, 3):
+            terms = np.linalg.lstsq(columns, obs[name][:, start : start + 3].ravel(), rcond=1e-6)[0]
+            found.append(Sum(name, tuple(zip(sources, map(float, terms), strict=True))))
+    return tuple(found)
+
+
+def _has_points(field: Field) -> bool:
+    return (field.unit, field.frame) == ("m", "world") and field.size > 3 and field.size % 3 == 0
 
 
 def find_rates(spec: ObservationSpec, flights: Sequence[Observation], names: Sequence[str]) -> tuple[Rate, ...]:

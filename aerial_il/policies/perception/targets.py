@@ -20,7 +20,7 @@ from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.parts.normaliser import hardly_varies
 from aerial_il.policies.parts.relative import rotations, turned
 from aerial_il.policies.perception.cameras import Camera, Pose
-from aerial_il.policies.perception.relations import Rate, Sum, find_rates, find_sums
+from aerial_il.policies.perception.relations import Rate, Sum, find_points, find_rates, find_sums
 
 Kind = Literal["place", "rotation", "heading", "number"]
 PLACE, ROTATION, HEADING, NUMBER = "place", "rotation", "heading", "number"
@@ -109,13 +109,16 @@ class Targets:
         joined = {n: np.concatenate([each[n] for each in flights]) for n in spec.state_names}
         sums = find_sums(spec, joined)
         shown = [name for name in spec.to_be_seen if name not in {each.field for each in sums}]
-        rates = tuple(each for each in find_rates(spec, flights, shown) if each.field in names)
-        used = {source for each in sums if each.field in names for source, _ in each.terms} | {*names}
-        told = [n for n in shown if n in used | {r.of for r in rates} and n not in {r.field for r in rates}]
+        rates = find_rates(spec, flights, shown)
+        known = [n for n in shown if spec[n].shape == (3,) and (_kind(spec[n])[0] == PLACE or n in _fields(rates))]
+        sums = tuple(each for each in (*sums, *find_points(spec, joined, known)) if each.field in names)
+        used = {source for each in sums for source, _ in each.terms} | {*names}
+        rates = tuple(each for each in rates if each.field in used)
+        told = [n for n in shown if n in used | {r.of for r in rates} and n not in _fields((*rates, *sums))]
         constant = {n: joined[n].mean(0) for n in told if hardly_varies(*_extent(joined[n])).all()}
         return Targets(
             tuple(_target(spec[n], [each[n] for each in flights]) for n in told if n not in constant),
-            tuple(each for each in sums if each.field in names),
+            sums,
             constant,
             rates,
         )
@@ -161,6 +164,10 @@ def _kind(field: Field) -> tuple[Kind, int]:
         folds = re.fullmatch(r"cos(\d*)", field.labels[0]) if field.labels else None
         return HEADING, int(folds[1] or 1) if folds else 1
     return NUMBER, 1
+
+
+def _fields(found: Sequence[Rate | Sum]) -> set[str]:
+    return {each.field for each in found}
 
 
 def _extent(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

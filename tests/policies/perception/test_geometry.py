@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import closing
 from dataclasses import replace
 
@@ -175,3 +176,43 @@ def test_mujoco_looks_along_its_own_minus_z():
     mujoco.mj_forward(model, data)
     pose = Pose(data.cam("c").xmat.reshape(1, 3, 3), data.cam("c").xpos[None])
     np.testing.assert_allclose(pose.seen(np.array([[0.1, 0.2, 0.4]])), [[0.1, 0.2, 0.6]])
+
+
+ORBIT = ObservationSpec(
+    (
+        Field("ee_pos", (3,), unit="m", frame="world"),
+        Field("ee_rot6d", (6,), frame="world from tool"),
+        Field("ball_pos", (3,), "task", unit="m", frame="world"),
+        Field("ball_vel", (3,), "task", unit="m/s", frame="world"),
+        Field("tool_to_soon", (6,), "task", unit="m", frame="world"),
+        Field("pair", (2,), "task", unit="m", frame="world"),
+    )
+)
+
+
+def test_where_something_will_be_follows_from_where_it_is_and_how_fast_it_moves():
+    """Two points in one field are two sums, near but not exact; the policy is shown both, and asks for no image."""
+    rng, flights = np.random.default_rng(4), list[dict[str, np.ndarray]]()
+    for _ in range(4):
+        phase, tool = 0.02 * np.arange(250)[:, None] + rng.uniform(0, 6, 3), 0.1 * rng.standard_normal((250, 3))
+        at = [0.3 * np.sin(phase + 0.02 * steps) for steps in (0, 10, 25)]
+        soon = np.concatenate([at[1] - tool, at[2] - tool], axis=1)
+        flights.append(
+            {
+                "ee_pos": tool,
+                "ee_rot6d": rng.standard_normal((250, 6)),
+                "ball_pos": at[0],
+                "ball_vel": 0.3 * np.cos(phase),
+                "tool_to_soon": soon,
+                "pair": tool[:, :2],
+            }
+        )
+    found = Targets.of(ORBIT, flights, ("tool_to_soon", "pair"))
+    assert [each.field for each in found.sums] == ["tool_to_soon"] * 2
+    assert [each.field for each in found.estimated] == ["ball_pos", "pair"], "two numbers are no points"
+    assert [each.field for each in found.rates] == ["ball_vel"], "the sums need it, the policy does not"
+    for each, ahead in zip(found.sums, (0.2, 0.5), strict=True):
+        assert dict(each.terms) == pytest.approx({"ee_pos": -1.0, "ball_pos": 1.0, "ball_vel": ahead}, abs=0.15)
+    again = Targets.from_dict(json.loads(json.dumps(found.to_dict())))
+    assert again.sums == found.sums
+    assert not Targets.of(ORBIT, flights, ("pair",)).sums
