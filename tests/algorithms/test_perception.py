@@ -182,9 +182,9 @@ def test_late_and_rare_images_are_measured_from_where_they_were_taken(tmp_path):
         obs, step = env.reset(9), next(seen_at)
         places = [obs["ee_pos"][0, 0]]
 
-        def noted(tracker, k, now, then, age, mask):
+        def noted(tracker, k, obs, then, age, mask):
             looks.append((step, k, float(then["ee_pos"][0, 0]), int(age[0])))
-            tell(tracker, k, now, then, age, mask)
+            tell(tracker, k, obs, then, age, mask)
 
         policy.eyes.tell = noted
         for _ in range(8):
