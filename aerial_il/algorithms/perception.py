@@ -228,9 +228,10 @@ class _Run:
             judges = evaluate if due(self.settings.evaluate_every, number) else None
             judged = {f"evaluate/{k}": v for k, v in judges(policy, number).items()} if judges else {}
             row = {"loss": loss, "flights": self.flown, "flights_solved": self.solved, **self._errors(), **judged}
-            self.folder.log(number, {**row, "elapsed_s": time.perf_counter() - self.started})
+            kept = {"round": number, "elapsed_s": time.perf_counter() - self.started}
+            self.folder.log(number, {**row, "elapsed_s": kept["elapsed_s"]})
             saved = policy.to_checkpoint()
-            self.folder.save(number, replace(saved, state={**saved.state, "round": number}), keep=2)
+            self.folder.save(number, replace(saved, state={**saved.state, **kept}), keep=2)
         policy = self._policy(self.settings.rounds)
         self.folder.finish(policy)
         return policy
@@ -242,6 +243,7 @@ class _Run:
         last = load_policy(self.folder.path)
         assert isinstance(last, PerceivingPolicy)
         self.eyes.load_state_dict(last.eyes.state_dict())
+        self.started -= self.folder.resumed.state.get("elapsed_s", 0.0)
         return int(self.folder.resumed.state["round"]) + 1
 
     def _policy(self, number: int) -> PerceivingPolicy:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 from contextlib import closing
 from dataclasses import replace
+from time import perf_counter
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -77,12 +79,16 @@ def test_flies_on_what_it_sees_and_repeats_itself_from_disk(shown, tmp_path):
         np.testing.assert_array_equal(policy.act(lied), again.act({**lied, "button_pos": lied["button_pos"] - 7.0}))
 
 
-def test_killed_between_rounds_it_ends_with_the_same_policy(shown, tmp_path):
+def test_killed_between_rounds_it_ends_with_the_same_policy(shown, tmp_path, monkeypatch):
     whole = trained(shown, tmp_path / "whole")
-    trained(shown, tmp_path / "cut", replace(SMALL, rounds=1))
+    with monkeypatch.context() as slow:
+        slow.setattr("aerial_il.algorithms.perception.time", SimpleNamespace(perf_counter=lambda: 1e3 * perf_counter()))
+        trained(shown, tmp_path / "cut", replace(SMALL, rounds=1))
     shutil.rmtree(tmp_path / "cut" / "policy")
     shutil.rmtree(tmp_path / "cut" / "checkpoints" / "00000001")
     resumed = trained(shown, tmp_path / "cut")
+    first, second = (row["elapsed_s"] for row in read_metrics(tmp_path / "cut"))
+    assert second > first, "what it took before counts"
     for one, other in zip(whole.eyes.parameters(), resumed.eyes.parameters(), strict=True):
         np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())
 
