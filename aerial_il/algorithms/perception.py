@@ -41,7 +41,7 @@ from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
 from aerial_il.algorithms.seeing.redrawing import Redrawing
-from aerial_il.algorithms.supervised.learner import Learner, cosine, precision
+from aerial_il.algorithms.supervised.learner import Learner, cosine, precision, require_device
 from aerial_il.algorithms.supervised.training_set import split
 from aerial_il.core.checks import require_not_negative, require_positive, require_share
 from aerial_il.core.composition import plain
@@ -81,6 +81,7 @@ class Perception:
         every: control steps of 20 ms from one look to the next. forget: share of what is known that a look keeps.
         validation: share of the demonstrations of which no frame is learned from.
         evaluate_every: rounds between two evaluations; 0 for none.
+        device: torch device that the networks of the cameras are trained on; that of the state has ``training.device``.
         mixed_precision: compute in bfloat16: faster on a GPU, and on a CPU that knows bfloat16.
         threads: torch threads.
     """
@@ -108,6 +109,7 @@ class Perception:
     forget: float = 0.9
     validation: float = 0.05
     evaluate_every: int = 0
+    device: str = "cpu"
     mixed_precision: bool = True
     threads: int = 1
 
@@ -151,6 +153,7 @@ class Perception:
             raise InvalidValueError(
                 "algorithm=perception looks at images: name some, e.g. policy.images=[wrist_rgb,base_rgb]."
             )
+        require_device(self.device)
         run, demos = Path(run), [_without_images(episode) for episode in dataset if episode.success]
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
@@ -318,7 +321,7 @@ class _Run:
         steps = settings.more_steps if number else settings.steps
         peak, rng = settings.lr * (0.5 if number else 1.0), named_rng(self.seed, "minibatches", str(number))
         kept = {name: getattr(settings, name) for name in ("weight_decay", "ema", "clip_norm")}
-        learner = Learner(self.eyes, **kept)
+        learner = Learner(self.eyes.to(settings.device), **kept)
         losses = []
         with Progress(total=steps, desc=f"train {settings.name}", unit="step", disable=not self.progress) as bar:
             for step in range(steps):
@@ -331,13 +334,13 @@ class _Run:
                 if step % 50 == 0:
                     bar.set_postfix_str(f"loss {np.mean(losses[-50:]):.3f}", refresh=False)
         self.eyes.load_state_dict(learner.averaged.state_dict())
-        self.eyes.eval()
+        self.eyes.cpu().eval()  # where it flies
         return float(np.mean(losses[-100:]))
 
     def _loss(self, eye: nn.Module, lessons: Lessons, rows: np.ndarray) -> Tensor:
         """Return the loss of what is told behind one camera of a minibatch of frames."""
-        images, known, labels, visible = lessons.batch(rows)
-        with precision("cpu", mixed=self.settings.mixed_precision):
+        images, known, labels, visible = lessons.batch(rows, self.settings.device)
+        with precision(self.settings.device, mixed=self.settings.mixed_precision):
             told = eye(images, known)
         return loss_of(self.eyes.targets.estimated, told.float(), labels, visible)
 

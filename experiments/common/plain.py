@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 # Settings that came later, with the values at which all is as it was without them: records from before still count.
-LATER = {("BC", "auxiliary"): 0.0, ("DAgger", "stale_rounds"): 0}
+LATER = {("BC", "auxiliary"): 0.0, ("DAgger", "stale_rounds"): 0, ("Perception", "device"): "cpu"}
 
 
 def plain(settings: Any) -> Any:

@@ -199,3 +199,9 @@ def test_late_and_rare_images_are_measured_from_where_they_were_taken(tmp_path):
     wrist = [(step, then, age) for step, k, then, age in looks if k == 0]
     assert wrist == [(step, places[max(0, step - 2)], min(step, 2)) for step in (0, 4, 6)]
     assert [(step, age) for step, k, _, age in looks if k == 1] == [(0, 0), (2, 0), (4, 0), (6, 0)]
+
+
+def test_a_device_that_is_not_there_is_refused_before_anything_is_learned(shown, tmp_path):
+    with pytest.raises(InvalidValueError, match="device=toaster is none that torch knows"):
+        trained(shown, tmp_path / "run", replace(SMALL, device="toaster"))
+    assert not (tmp_path / "run").exists()

@@ -97,7 +97,8 @@ class Lessons:
             made.append(Lessons(frames.obs[camera.image], known, labels, visible))
         return made
 
-    def batch(self, rows: np.ndarray) -> tuple[Tensor, Tensor, list[Tensor], list[Tensor | None]]:
-        """Return images, what is known, labels and what is visible in some rows (B,)."""
-        visible = [None if seen is None else seen[rows] for seen in self.visible]
-        return tensor(self.images[rows]), self.known[rows], [label[rows] for label in self.labels], visible
+    def batch(self, rows: np.ndarray, device: str = "cpu") -> tuple[Tensor, Tensor, list[Tensor], list[Tensor | None]]:
+        """Return images, what is known, labels and what is visible in some rows (B,), on a torch device."""
+        visible = [None if seen is None else seen[rows].to(device) for seen in self.visible]
+        labels = [label[rows].to(device) for label in self.labels]
+        return tensor(self.images[rows]).to(device), self.known[rows].to(device), labels, visible
