@@ -18,7 +18,7 @@ from aerial_il.policies.perception.cameras import Camera, Pose
 from aerial_il.policies.perception.network import Eye, told_of
 from aerial_il.policies.perception.relations import sources_of
 from aerial_il.policies.perception.targets import NUMBER, PLACE, Target, Targets
-from aerial_il.policies.perception.tracker import Tracker
+from aerial_il.policies.perception.tracker import Measurement, Tracker
 
 FORCE_N = 10.0  # by which forces are divided, and beyond which they are not told apart
 PRESENT, ABSENT = 1.0, -1.0  # logits above and below which a place is taken to be in the image, and not to be
@@ -116,12 +116,12 @@ class Eyes(nn.Module):
                 tracker.doubt(target.field, mask & expected & (logits.numpy() < ABSENT))
                 turn = pose.rot
                 values = pose.placed(camera.unproject(means))
-                cov, now = turn @ cov @ np.swapaxes(turn, 1, 2), carried.now(values)
-                tracker.tell(target.field, seen, values, cov, carried=now, age=age)
+                cov = turn @ cov @ np.swapaxes(turn, 1, 2)
+                tracker.tell(target.field, seen, Measurement(values, cov, age, carried.now(values)))
             else:
                 unit = target.scale if target.kind == NUMBER else 1.0
                 variance = np.broadcast_to(np.square(sigma * unit), means.shape)
-                tracker.tell(target.field, mask, target.decode(means, pose), variance, age=age)
+                tracker.tell(target.field, mask, Measurement(target.decode(means, pose), variance, age))
 
     def complete(self, obs: Observation, estimates: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)`` of all that a robot looks for: estimated, constant, and what follows from them."""

@@ -13,6 +13,7 @@ Coefficients", 1988.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,22 @@ DOUBTED = 0.8  # share of what is known that is kept where a place should be in 
 UNKNOWN = 2.0  # deviations of the demonstrations, by which nothing is known
 
 
+class Measurement(NamedTuple):
+    """What a camera tells of a field in n worlds.
+
+    Attributes:
+        values: (n, D), as they were when the image was taken.
+        spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
+        age: (n,) control steps since then; None for none.
+        carried: (n, 3) where a place is now if the tool has carried it since; None for where it was.
+    """
+
+    values: np.ndarray
+    spread: np.ndarray
+    age: np.ndarray | None = None
+    carried: np.ndarray | None = None
+
+
 class Tracker:
     """Estimates of all targets.
 
@@ -35,12 +52,13 @@ class Tracker:
     """
 
     def __init__(self, targets: Sequence[Target], forget: float, rates: Sequence[Rate] = ()) -> None:
-        self.targets, self._rates = tuple(targets), tuple(rates)
-        moving = {
-            rate.of: _Moving(target, forget, rate) for rate in rates for target in targets if target.field == rate.of
+        self.targets, wanted = tuple(targets), {rate.of: rate for rate in rates}
+        self._filters: dict[str, _Place | _Numbers] = {
+            each.field: (_Place if each.kind == PLACE else _Numbers)(each, forget) for each in targets
         }
-        still = {each.field: (_Place if each.kind == PLACE else _Numbers)(each, forget) for each in targets}
-        self._filters: dict[str, _Place | _Numbers | _Moving] = {**still, **moving}
+        moving = {each.field: _Numbers(each, forget, wanted[each.field]) for each in targets if each.field in wanted}
+        self._filters |= moving
+        self._rates = {wanted[name].field: each for name, each in moving.items()}
 
     def begin(self, mask: np.ndarray) -> None:
         """Know nothing of the worlds in ``mask`` (n,) bool but what is ordinary."""
@@ -61,28 +79,9 @@ class Tracker:
         for each in self._filters.values():
             each.fade(mask)
 
-    def tell(
-        self,
-        field: str,
-        mask: np.ndarray,
-        values: np.ndarray,
-        spread: np.ndarray,
-        *,
-        carried: np.ndarray | None = None,
-        age: np.ndarray | None = None,
-    ) -> None:
-        """Take in what a camera tells of a field in the worlds of ``mask`` (n,) bool.
-
-        Args:
-            values: (n, D), as they were when the image was taken.
-            spread: (n, 3, 3) covariances of a place, (n, D) variances of others.
-            carried: (n, 3) where a place is now if the tool has carried it since the image was taken; None for then.
-            age: (n,) control steps since then; None for none.
-        """
-        if isinstance(each := self._filters[field], _Moving):
-            each.tell(mask, values, spread, np.zeros(len(mask)) if age is None else age)
-        else:
-            each.tell(mask, values, spread, values if carried is None else carried)
+    def tell(self, field: str, mask: np.ndarray, told: Measurement) -> None:
+        """Take in what a camera tells of a field in the worlds of ``mask`` (n,) bool."""
+        self._filters[field].tell(mask, told)
 
     def doubt(self, field: str, mask: np.ndarray) -> None:
         """Know less of a place in the worlds of ``mask`` (n,) bool: where it should be in an image, it is not."""
@@ -95,7 +94,7 @@ class Tracker:
     def estimates(self) -> dict[str, np.ndarray]:
         """Return ``field -> (n, D)``."""
         told = {each.field: each.straightened(self._filters[each.field].estimate()) for each in self.targets}
-        return told | {each.field: self._filters[each.of].mean[..., 1] for each in self._rates}
+        return told | {name: each.rate() for name, each in self._rates.items()}
 
     def deviations(self) -> dict[str, np.ndarray]:
         """Return ``field -> (n,)``, how sure each estimate is: root mean square over its numbers, in its unit."""
@@ -118,57 +117,28 @@ class Tracker:
 
 
 class _Numbers:
-    """A field that is no place: a mean and a variance for each of its numbers."""
+    """A field that is told number by number: the mean of each and its variance, or those of it and its rate."""
 
-    def __init__(self, target: Target, forget: float) -> None:
-        self._target, self._keep = target, forget
-        self.mean, self.var = np.zeros((0, target.size)), np.zeros((0, target.size))
+    def __init__(self, target: Target, forget: float, rate: Rate | None = None) -> None:
+        self._keep, self._centre, self._step = forget, target.centre, 1.0 / rate.factor if rate else 0.0
+        unknown, self._onward, self._drift = [np.square(target.scale)], np.eye(1), target.drift[:, None, None]
+        if rate is not None:
+            step = self._step
+            unknown.append(np.full(target.size, rate.square))
+            self._onward = np.array([[1.0, step], [0.0, 1.0]])
+            self._drift = rate.drift * np.array([[step**2 / 3.0, step / 2.0], [step / 2.0, 1.0]])
+        self._unknown = np.square(UNKNOWN) * np.stack(unknown, axis=1)  # (D, 1 or 2) variances
+        self.mean, self.cov = self._blank(0)
+
+    def _blank(self, n: int) -> tuple[np.ndarray, np.ndarray]:
+        size, order = self._unknown.shape
+        return np.zeros((n, size, order)), np.zeros((n, size, order, order))
 
     def begin(self, mask: np.ndarray) -> None:
         if len(self.mean) != len(mask):
-            self.mean, self.var = np.zeros((len(mask), self._target.size)), np.zeros((len(mask), self._target.size))
-        self.mean[mask], self.var[mask] = self._target.centre, np.square(UNKNOWN * self._target.scale)
-
-    def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
-        self.var += self._target.drift
-
-    def fade(self, mask: np.ndarray) -> None:
-        self.var[mask] = np.minimum(self.var[mask] / self._keep, np.square(UNKNOWN * self._target.scale))
-
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
-        missed, var = values[mask] - self.mean[mask], self.var[mask]
-        far = np.square(missed) / (var + spread[mask])
-        gain = var / (var + spread[mask] * np.maximum(1.0, far / FAR))
-        self.mean[mask] += gain * missed
-        self.var[mask] = (1.0 - gain) * var
-
-    def doubt(self, mask: np.ndarray) -> None:
-        self.var[mask] = np.minimum(self.var[mask] / DOUBTED, np.square(UNKNOWN * self._target.scale))
-
-    def estimate(self) -> np.ndarray:
-        return self.mean.copy()
-
-    def deviation(self) -> np.ndarray:
-        return np.sqrt(self.var.mean(1))
-
-
-class _Moving:
-    """A field that goes on at its rate: for each of its numbers the mean and the covariance of both."""
-
-    def __init__(self, target: Target, forget: float, rate: Rate) -> None:
-        self._keep, self._centre, self._step = forget, target.centre, (step := 1.0 / rate.factor)
-        self._onward = np.array([[1.0, step], [0.0, 1.0]])
-        self._drift = rate.drift * np.array([[step**2 / 3.0, step / 2.0], [step / 2.0, 1.0]])
-        rates = np.full(target.size, rate.square)
-        self._unknown = np.square(UNKNOWN) * np.stack([np.square(target.scale), rates], axis=1)
-        self.mean, self.cov = np.zeros((0, target.size, 2)), np.zeros((0, target.size, 2, 2))
-
-    def begin(self, mask: np.ndarray) -> None:
-        if len(self.mean) != (n := len(mask)):
-            size = len(self._centre)
-            self.mean, self.cov = np.zeros((n, size, 2)), np.zeros((n, size, 2, 2))
-        self.mean[mask] = np.stack([self._centre, np.zeros_like(self._centre)], axis=1)
-        self.cov[mask] = self._unknown[:, :, None] * np.eye(2)
+            self.mean, self.cov = self._blank(len(mask))
+        self.mean[mask], self.cov[mask] = 0.0, self._unknown[:, :, None] * np.eye(self._unknown.shape[1])
+        self.mean[mask, :, 0] = self._centre
 
     def move(self, turn: np.ndarray, before: np.ndarray, after: np.ndarray) -> None:
         self.mean = self.mean @ self._onward.T
@@ -181,15 +151,16 @@ class _Moving:
         self.cov[mask] = self._at_most(self.cov[mask] / DOUBTED)
 
     def _at_most(self, cov: np.ndarray) -> np.ndarray:
-        """Return covariances (n, D, 2, 2) no larger than those of knowing nothing."""
+        """Return covariances no larger than those of knowing nothing."""
         too_much = np.maximum(1.0, np.max(np.diagonal(cov, axis1=2, axis2=3) / self._unknown, axis=-1))
         return cov / too_much[..., None, None]
 
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, age: np.ndarray) -> None:
-        cov, noise = self.cov[mask], spread[mask]
+    def tell(self, mask: np.ndarray, told: Measurement) -> None:
+        cov, noise = self.cov[mask], told.spread[mask]
         noise = np.diagonal(noise, axis1=1, axis2=2) if noise.ndim == 3 else noise
-        then = np.stack([np.ones(len(noise)), -self._step * age[mask]], axis=1)[:, None]  # (m, 1, 2): how it was
-        missed = values[mask] - (self.mean[mask] * then).sum(-1)
+        age = np.zeros(len(noise)) if told.age is None else told.age[mask]
+        then = np.stack([np.ones(len(noise)), -self._step * age], axis=1)[:, None, : cov.shape[-1]]  # how it was
+        missed = told.values[mask] - (self.mean[mask] * then).sum(-1)
         shared = (cov * then[:, :, None]).sum(-1)
         var = (shared * then).sum(-1)
         far = np.square(missed) / (var + noise)
@@ -199,6 +170,9 @@ class _Moving:
 
     def estimate(self) -> np.ndarray:
         return self.mean[..., 0].copy()
+
+    def rate(self) -> np.ndarray:
+        return self.mean[..., 1].copy()
 
     def deviation(self) -> np.ndarray:
         return np.sqrt(self.cov[..., 0, 0].mean(1))
@@ -244,10 +218,11 @@ class _Place:
         too_much = np.maximum(1.0, np.trace(cov, axis1=2, axis2=3) / np.trace(self._unknown))
         return cov / too_much[..., None, None]
 
-    def tell(self, mask: np.ndarray, values: np.ndarray, spread: np.ndarray, carried: np.ndarray) -> None:
+    def tell(self, mask: np.ndarray, told: Measurement) -> None:
         mean, cov = self.mean[mask], self.cov[mask]
-        missed = np.stack([values[mask], carried[mask]], axis=1) - mean
-        noise = spread[mask][:, None] + np.square(LEAST_M) * np.eye(3)
+        carried = told.values if told.carried is None else told.carried
+        missed = np.stack([told.values[mask], carried[mask]], axis=1) - mean
+        noise = told.spread[mask][:, None] + np.square(LEAST_M) * np.eye(3)
         far = _squared(missed, cov + noise)
         noise = noise * np.maximum(1.0, far.min(1) / FAR)[:, None, None, None]
         total = cov + noise

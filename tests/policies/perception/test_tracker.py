@@ -7,7 +7,7 @@ import pytest
 
 from aerial_il.policies.perception.relations import Rate
 from aerial_il.policies.perception.targets import Target
-from aerial_il.policies.perception.tracker import Tracker
+from aerial_il.policies.perception.tracker import Measurement, Tracker
 
 CUBE = Target("cube", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
 TRAVEL = Target("travel", "number", 1, 1, np.zeros(1), np.full(1, 0.01), np.full(1, 1e-8))
@@ -26,7 +26,7 @@ def started(targets=ALL) -> Tracker:
 
 def look(tracker: Tracker, place: np.ndarray, spread: np.ndarray = SURE) -> None:
     tracker.fade(BOTH)
-    tracker.tell("cube", BOTH, place, spread)
+    tracker.tell("cube", BOTH, Measurement(place, spread))
 
 
 def test_a_resting_object_is_known_better_with_every_look():
@@ -77,8 +77,8 @@ def test_of_two_cameras_the_surer_counts_more():
     tracker = started()
     for _ in range(20):
         tracker.fade(BOTH)
-        tracker.tell("cube", BOTH, np.zeros((2, 3)), 1e-4 * SURE)
-        tracker.tell("cube", BOTH, np.full((2, 3), 0.02), 10 * SURE)
+        tracker.tell("cube", BOTH, Measurement(np.zeros((2, 3)), 1e-4 * SURE))
+        tracker.tell("cube", BOTH, Measurement(np.full((2, 3), 0.02), 10 * SURE))
     assert (np.abs(tracker.estimates()["cube"]) < 2e-3).all()
 
 
@@ -87,8 +87,8 @@ def test_a_heading_stays_one_and_a_number_follows():
     for _ in range(40):
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         tracker.fade(BOTH)
-        tracker.tell("heading", BOTH, np.tile([0.6, 0.8], (2, 1)), np.full((2, 2), 0.01))
-        tracker.tell("travel", BOTH, np.full((2, 1), 0.004), np.full((2, 1), 1e-6))
+        tracker.tell("heading", BOTH, Measurement(np.tile([0.6, 0.8], (2, 1)), np.full((2, 2), 0.01)))
+        tracker.tell("travel", BOTH, Measurement(np.full((2, 1), 0.004), np.full((2, 1), 1e-6)))
     found = tracker.estimates()
     np.testing.assert_allclose(np.linalg.norm(found["heading"], axis=1), 1.0)
     np.testing.assert_allclose(found["heading"], [[0.6, 0.8]] * 2, atol=0.01)
@@ -107,7 +107,7 @@ def test_worlds_do_not_depend_on_each_other_and_memory_is_all():
         for place, seen in some:
             tracker.move(STILL[rows], np.zeros((count, 3)), np.full((count, 3), 0.01))
             tracker.fade(np.ones(count, bool))
-            tracker.tell("cube", seen[rows], place[rows], SURE[rows])
+            tracker.tell("cube", seen[rows], Measurement(place[rows], SURE[rows]))
         return tracker
 
     both, first = flown(slice(0, 2)), flown(slice(0, 1))
@@ -131,7 +131,7 @@ def test_a_rate_is_told_by_how_its_field_changes():
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         if step % 2 == 0:
             tracker.fade(BOTH)
-            tracker.tell("angle", BOTH, truth + 0.01 * rng.standard_normal((2, 1)), np.full((2, 1), 1e-4))
+            tracker.tell("angle", BOTH, Measurement(truth + 0.01 * rng.standard_normal((2, 1)), np.full((2, 1), 1e-4)))
         if step > 30:
             missed.append(tracker.estimates()["rate"] - turning)
     assert np.sqrt(np.mean(np.square(missed))) < 0.06, "differences of looks miss by .35, silence by .28"
@@ -151,7 +151,7 @@ def test_a_place_that_moves_by_itself_is_followed_when_it_is_out_of_sight():
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         if step < 60:
             tracker.fade(BOTH)
-            tracker.tell("ball", BOTH, np.full((2, 3), 0.002 * step), SURE)
+            tracker.tell("ball", BOTH, Measurement(np.full((2, 3), 0.002 * step), SURE))
     np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.01)
     np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.02)
 
@@ -165,6 +165,8 @@ def test_a_late_image_of_what_moves_tells_where_it_was(late: int):
     for step in range(late, 80):
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         tracker.fade(BOTH)
-        tracker.tell("ball", BOTH, np.full((2, 3), 0.002 * (step - late)), 1e-2 * SURE, age=np.full(2, late))
+        tracker.tell(
+            "ball", BOTH, Measurement(np.full((2, 3), 0.002 * (step - late)), 1e-2 * SURE, age=np.full(2, late))
+        )
     np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.001)
     np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.01)
