@@ -135,7 +135,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "image_size": (24, 24),
         "episodes": 1,
     },
-    "loader": lambda: {"demonstrations": 2, "steps": 1, "repetitions": 1, "sizes": (2,)},
+    "loader": lambda: {"demonstrations": 2, "seen": 1, "steps": 1, "repetitions": 1, "sizes": (2,)},
     "recording": lambda: {"robots": ("ua_quad_arm4",), "demonstrations": 2, "converted": 2, "repetitions": 1},
     "sb3": lambda: {"cells": ("ppo_cartpole",), "seeds": (0, 1), "episodes": 2, "steps_share": 0.02},
     "z1_reach": lambda: {
