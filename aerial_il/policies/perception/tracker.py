@@ -166,7 +166,8 @@ class _Numbers:
         far = np.square(missed) / (var + noise)
         gain = shared / (var + noise * np.maximum(1.0, far / FAR))[..., None]
         self.mean[mask] += gain * missed[..., None]
-        self.cov[mask] = cov - gain[..., None] * shared[..., None, :]
+        cov = cov - gain[..., None] * shared[..., None, :]
+        self.cov[mask] = 0.5 * (cov + np.swapaxes(cov, 2, 3))  # what forgetting makes of a rounding error grows
 
     def estimate(self) -> np.ndarray:
         return self.mean[..., 0].copy()

@@ -170,3 +170,17 @@ def test_a_late_image_of_what_moves_tells_where_it_was(late: int):
         )
     np.testing.assert_allclose(tracker.estimates()["ball"], 0.002 * 79, atol=0.001)
     np.testing.assert_allclose(tracker.estimates()["ball_vel"], 0.1, atol=0.01)
+
+
+def test_what_is_looked_at_for_long_is_still_known():
+    """Forgetting magnifies with every look what rounding leaves of asymmetry; after four hundred it would be all."""
+    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
+    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
+    tracker.begin(BOTH)
+    for step in range(3000):
+        tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
+        tracker.fade(BOTH)
+        tracker.tell("ball", BOTH, Measurement(np.full((2, 3), 0.3 * np.sin(0.02 * step)), 0.01 * SURE))
+        if step > 100:
+            assert (tracker.deviations()["ball"] < 0.002).all()
+    np.testing.assert_allclose(tracker.estimates()["ball"], 0.3 * np.sin(0.02 * 2999), atol=0.003)
