@@ -18,7 +18,7 @@ from aerial_il.suite.props.marker import add_marker
 @pytest.mark.parametrize("pitch", [0.5, 0.5 * math.pi])
 def test_each_heading_of_a_marked_pose_looks_different(pitch: float):
     spec = mujoco.MjSpec()
-    add_marker(spec, tolerance=0.02, arrow=0.12)
+    add_marker(spec, tolerance=0.02, arrow=0.12, bar=0.1)
     spec.worldbody.add_camera(name="above", pos=[0.0, 0.0, 0.4], quat=[1, 0, 0, 0])
     spec.worldbody.add_light(pos=[0.0, 0.0, 2.0])
     model = spec.compile()

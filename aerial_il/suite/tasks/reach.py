@@ -76,7 +76,7 @@ class Reach(Task):
         return None
 
     def add_props(self, spec: mujoco.MjSpec, robot: Robot) -> None:
-        add_marker(spec, tolerance=POSITION_TOLERANCE_M, arrow=0.12)
+        add_marker(spec, tolerance=POSITION_TOLERANCE_M, arrow=0.12, bar=0.1)
 
     def start(self, view: View, world: int, rng: np.random.Generator) -> None:
         hover_start(view, world, rng.uniform(START_LOW, START_HIGH), rng.uniform(-0.3, 0.3))
