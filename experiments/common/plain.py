@@ -7,7 +7,12 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 # Settings that came later, with the values at which all is as it was without them: records from before still count.
-LATER = {("BC", "auxiliary"): 0.0, ("DAgger", "stale_rounds"): 0, ("Perception", "device"): "cpu"}
+LATER = {
+    ("BC", "auxiliary"): 0.0,
+    ("DAgger", "stale_rounds"): 0,
+    ("Perception", "device"): "cpu",
+    ("Out", "lead"): 0,
+}
 
 
 def plain(settings: Any) -> Any:

@@ -8,6 +8,7 @@ noise, out of six sources, and out of the nearest of six. All are judged on the 
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -28,9 +29,10 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks as registered
 from aerial_il.workflows.generate import Generate, generate
+from aerial_il.workflows.segment import Segmentation, segment
 from experiments.common.demonstrations import Source, collections
 from experiments.common.plain import plain
-from experiments.common.record import Record
+from experiments.common.record import RECORD, Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
@@ -40,8 +42,10 @@ GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations,
 GENERATED, BOTH, AS_MANY, ALONE = "generated", "both", "as_many", "alone"
 EXPERT_IN_BOTH = "expert_in_both"
 NOISY, SIX, SIX_IN_BOTH, NEAREST = "noisy", "six", "six_in_both", "nearest"
+SHORT, LONG = "short", "long"
 EVERYWHERE = (GENERATED, BOTH, AS_MANY, EXPERT_IN_BOTH, ALONE)
-ARMS = (*EVERYWHERE, NOISY, SIX, SIX_IN_BOTH, NEAREST)
+ARMS = (*EVERYWHERE, NOISY, SIX, SIX_IN_BOTH, NEAREST, SHORT, LONG)
+LEADS = {SHORT: -12, LONG: 25}  # steps, of 30 or so in which the tool goes the 10 cm before a cut's thing moves
 WITH_OBJECTS = (
     "pick_place", "insert_peg", "press_button", "open_door", "push_slider", "pull_lever", "rotate_valve",
     "inspect_contact",
@@ -59,12 +63,14 @@ class Out:
 
     Attributes:
         shown: whose flights they are generated out of. sources: how many of them. select, noise: of the generator.
+        lead: steps by which each cut begins earlier than where it is found.
     """
 
     shown: Source
     sources: int = 1
     select: Select = "random"
     noise: float = 0.0
+    lead: int = 0
 
     def decided_by(self) -> dict[str, Any]:
         """Return all that decides what is generated, but for where."""
@@ -219,6 +225,7 @@ class Generation:
                 SIX: self._generated(SIX, Out(source, sources=6)),
                 SIX_IN_BOTH: self._generated(SIX_IN_BOTH, Out(source, sources=6), beside=BESIDE),
                 NEAREST: self._generated(NEAREST, Out(source, sources=6, select="nearest")),
+                **{arm: self._generated(arm, Out(source, lead=lead)) for arm, lead in LEADS.items()},
             }
             yield from (by_arm[arm] for arm in self.arms if task in self.compared or arm in EVERYWHERE)
         for robot, draw, task in product(self.others, self.draws, self.tasks):
@@ -253,7 +260,8 @@ NOTES = (
     "generated for them out of the same flight. both: of as many flights, half of them generated in gusts. "
     "Controls: as_many, a clone of as many flights of the expert with its default noise; expert_in_both, of as many, "
     "half of them in gusts; alone, one of the single flight. noisy: generated with noise; six: out of six flights of "
-    "the expert; six_in_both: out of these, half of them in gusts; nearest: out of whichever of these six is nearest.",
+    "the expert; six_in_both: out of these, half of them in gusts; nearest: out of whichever of these six is nearest; "
+    "short, long: with cuts that begin .24 s later, and .5 s earlier, than they are found to.",
 )
 
 
@@ -266,12 +274,33 @@ def generated(stages: Stages, out: Out, robot: str, tier: str, count: int) -> Da
     if len(folder.files(DEMOS)) + len(folder.files(FAILURES)) < count:
         generate(
             Generate(
-                dataset=str(stages.demonstrations(shown, out.sources).path), sources=out.sources, out=str(place),
+                dataset=str(_sources(stages, out)), sources=out.sources, out=str(place),
                 robot=robot, tier=tier, episodes=count, seed=first, select=out.select, noise=out.noise,
                 num_envs=stages.num_envs, threads=stages.threads, progress=stages.progress,
             )
         )  # fmt: skip
     return aerial_il.open_dataset(str(place))
+
+
+def _sources(stages: Stages, out: Out) -> Path:
+    """Return the folder of the flights that are generated from, cut as ``out`` says."""
+    flown = Path(stages.demonstrations(out.shown, out.sources).path)
+    if not out.lead:
+        return flown
+    shown = {"shown": out.shown.decided_by(), "sources": out.sources, "lead": out.lead}
+    place = stages.record.place("datasets", f"cut/{out.shown.task}/{out.shown.draw}", shown)
+    if not DatasetFolder(place).files(DEMOS):
+        shutil.copytree(flown, place, dirs_exist_ok=True, ignore=shutil.ignore_patterns(RECORD))
+    for uid in aerial_il.open_dataset(str(place)).uids:
+        segment(Segmentation(dataset=str(place), uid=uid, cuts=("found",)))
+        (cuts,) = segment(Segmentation(dataset=str(place), uid=uid, page=False)).values()
+        ends = [0, *(each.last for each in cuts)]
+        moved = [
+            replace(each, first=max(end, min(each.first - out.lead, each.last - 1)))
+            for each, end in zip(cuts, ends, strict=False)
+        ]
+        segment(Segmentation(dataset=str(place), uid=uid, cuts=tuple(map(str, moved))))
+    return place
 
 
 def _clone_rows(results: Mapping[tuple[Any, str], EvaluationResult]) -> Iterator[Row]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import partial
 from typing import Any
 
 import pytest
@@ -10,10 +11,18 @@ import pytest
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.perception import Perception
+from experiments.common.demonstrations import Source
 from experiments.common.plain import LATER, plain
+from experiments.generation.study import Out
 
-CLASSES = {"BC": BC, "DAgger": DAgger, "Perception": Perception}
-OTHER = {"auxiliary": 0.5, "stale_rounds": 2, "device": "cuda"}
+CELL = Source(robot="quad", task="hover")
+CLASSES = {"BC": BC, "DAgger": DAgger, "Perception": Perception, "Out": partial(Out, CELL)}
+    "BC": BC,
+    "DAgger": DAgger,
+    "Perception": Perception,
+    "Out": partial(Out, Source(robot="quad", task="hover")),
+}
+OTHER = {"auxiliary": 0.5, "stale_rounds": 2, "device": "cuda", "lead": 5}
 
 
 @pytest.mark.parametrize(("kind", "name"), LATER)
