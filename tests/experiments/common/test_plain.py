@@ -17,11 +17,6 @@ from experiments.generation.study import Out
 
 CELL = Source(robot="quad", task="hover")
 CLASSES = {"BC": BC, "DAgger": DAgger, "Perception": Perception, "Out": partial(Out, CELL)}
-    "BC": BC,
-    "DAgger": DAgger,
-    "Perception": Perception,
-    "Out": partial(Out, Source(robot="quad", task="hover")),
-}
 OTHER = {"auxiliary": 0.5, "stale_rounds": 2, "device": "cuda", "lead": 5}
 
 
