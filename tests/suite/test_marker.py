@@ -27,7 +27,6 @@ def test_each_heading_of_a_marked_pose_looks_different(pitch: float):
         renderer.enable_segmentation_rendering()
         for yaw in (-0.4, 0.0, 0.4):
             about_z = np.array([math.cos(0.5 * yaw), 0.0, 0.0, math.sin(0.5 * yaw)])
-            data.mocap_quat[0] = np.zeros(4)
             mujoco.mju_mulQuat(
                 data.mocap_quat[0], about_z, np.array([math.cos(0.5 * pitch), 0, math.sin(0.5 * pitch), 0])
             )

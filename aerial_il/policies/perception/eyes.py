@@ -88,26 +88,12 @@ class Eyes(nn.Module):
             obs: what is shown now. then: what the robot knew of itself when the image was taken.
             age: (n,) control steps since then.
         """
-        camera = self.cameras[k]
+        camera, carried, targets = self.cameras[k], Carried.between(then, obs), self.targets.estimated
         pose = camera.pose(then)
-        known = tensor(self.known(then, pose)[mask])
-        told = self.eyes[k](tensor(obs[camera.image][mask]), known).numpy()
-        self._hand_on(tracker, camera, pose, told, mask, Carried.between(then, obs), age)
-
-    def _hand_on(
-        self,
-        tracker: Tracker,
-        camera: Camera,
-        pose: Pose,
-        told: np.ndarray,
-        mask: np.ndarray,
-        carried: Carried,
-        age: np.ndarray,
-    ) -> None:
-        whole = np.zeros((len(mask), told.shape[1]))
-        whole[mask] = told
-        targets = self.targets.estimated
-        for target, (mean, spread, logits) in zip(targets, told_of(targets, torch.from_numpy(whole)), strict=True):
+        told = self.eyes[k](tensor(obs[camera.image][mask]), tensor(self.known(then, pose)[mask]))
+        whole = torch.zeros(len(mask), told.shape[1], dtype=torch.float64)
+        whole[torch.from_numpy(mask)] = told.double()
+        for target, (mean, spread, logits) in zip(targets, told_of(targets, whole), strict=True):
             means, sigma = mean.numpy(), np.exp(spread.numpy())
             if target.kind == PLACE:
                 assert logits is not None

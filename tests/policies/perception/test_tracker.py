@@ -24,6 +24,14 @@ def started(targets=ALL) -> Tracker:
     return tracker
 
 
+def following_a_ball() -> Tracker:
+    """A place whose rate is wanted, too, in m/s at 50 control steps a second."""
+    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
+    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
+    tracker.begin(BOTH)
+    return tracker
+
+
 def look(tracker: Tracker, place: np.ndarray, spread: np.ndarray = SURE) -> None:
     tracker.fade(BOTH)
     tracker.tell("cube", BOTH, Measurement(place, spread))
@@ -144,9 +152,7 @@ def test_a_rate_is_told_by_how_its_field_changes():
 
 
 def test_a_place_that_moves_by_itself_is_followed_when_it_is_out_of_sight():
-    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
-    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
-    tracker.begin(BOTH)
+    tracker = following_a_ball()
     for step in range(80):
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         if step < 60:
@@ -159,9 +165,7 @@ def test_a_place_that_moves_by_itself_is_followed_when_it_is_out_of_sight():
 @pytest.mark.parametrize("late", [0, 5])
 def test_a_late_image_of_what_moves_tells_where_it_was(late: int):
     """A ball at .1 m/s, shown five steps late: a look taken for one of now would leave it a centimetre behind."""
-    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
-    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
-    tracker.begin(BOTH)
+    tracker = following_a_ball()
     for step in range(late, 80):
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         tracker.fade(BOTH)
@@ -174,9 +178,7 @@ def test_a_late_image_of_what_moves_tells_where_it_was(late: int):
 
 def test_what_is_looked_at_for_long_is_still_known():
     """Forgetting magnifies with every look what rounding leaves of asymmetry; after four hundred it would be all."""
-    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
-    tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
-    tracker.begin(BOTH)
+    tracker = following_a_ball()
     for step in range(3000):
         tracker.move(STILL, np.zeros((2, 3)), np.zeros((2, 3)))
         tracker.fade(BOTH)
