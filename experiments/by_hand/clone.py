@@ -6,7 +6,7 @@
 
 Words at the end of ``run`` are settings of ``aerial-il train``. Trainings differ in their weights, minibatches and in
 which demonstrations are held out for validation. What is trained and judged is not done again. Results lie in
-``experiments/by_hand/cloning``, a file for each name.
+``experiments/by_hand/cloning``, a file for each name; with ``--tier``, for each name and tier.
 """
 
 from __future__ import annotations
@@ -28,22 +28,26 @@ def run(args: argparse.Namespace, settings: list[str]) -> None:
     """Train and judge what is not done yet, and write it down."""
     flown = open_dataset(args.dataset)
     spec = flown.spec
-    about = {"task": spec.task, "robot": spec.robot, "demonstrations": len(flown), "settings": settings}
+    if args.others:
+        settings = [*settings, f"dataset.others=[{','.join(args.others)}]"]
+    count = sum(len(open_dataset(place)) for place in (args.dataset, *args.others))
+    about = {"task": spec.task, "robot": spec.robot, "demonstrations": count, "settings": settings}
+    name = args.name if args.tier == "calm" else f"{args.name}_{args.tier}"
     trainings = [judged(args, settings, seed, spec.robot, spec.task) for seed in range(args.trainings)]
     RESULTS.mkdir(exist_ok=True)
     told = {**about, "seeds": [args.seed, args.seed + args.episodes - 1], "trainings": trainings}
-    (RESULTS / f"{args.name}.json").write_text(json.dumps(told, indent=1) + "\n")
+    (RESULTS / f"{name}.json").write_text(json.dumps(told, indent=1) + "\n")
     table()
 
 
 def judged(args: argparse.Namespace, settings: list[str], seed: int, robot: str, task: str) -> dict[str, Any]:
     """Return how one training flies; train and fly it first, or what is left of it."""
     folder = Path(args.out) / args.name / f"seed={seed}"
-    learned, judged = [f"dataset={args.dataset}", f"seed={seed}", *settings], folder / f"evaluation_{args.seed}"
-    words = [f"robot={robot}", f"task={task}", f"episodes={args.episodes}", f"seed={args.seed}", "videos=0"]
+    learned, judged = [f"dataset={args.dataset}", f"seed={seed}", *settings], folder / f"{args.tier}_{args.seed}"
+    words = [f"robot={robot}", f"task={task}", f"tier={args.tier}", f"episodes={args.episodes}", f"seed={args.seed}"]
     commands = (
         ["train", *learned, f"run={folder}"],
-        ["evaluate", f"policy={folder}", *words, "threads=1", f"out={judged}"],
+        ["evaluate", f"policy={folder}", *words, "videos=0", "threads=1", f"out={judged}"],
     )
     for command in () if (judged / FILE_NAME).exists() else commands:
         if aerial_il([*command, "progress=false"]):
@@ -75,6 +79,8 @@ def main() -> None:
     parser.add_argument("command", choices=("run", "table"))
     parser.add_argument("name", nargs="?", default="clone")
     parser.add_argument("--dataset")
+    parser.add_argument("--others", nargs="+", default=())
+    parser.add_argument("--tier", default="calm")
     parser.add_argument("--trainings", type=int, default=3)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=20000)
