@@ -97,14 +97,14 @@ class Memory:
             return NOTHING
         if not self._said:
             limit = f"{self._limit // MEGABYTE} MB of memory (dataset.held_mb=N for more)"
-            log.info("What is trained on takes more than %s: the rest lies in files in %s.", limit, _folder())
+            log.info("What is trained on takes more than %s: the rest lies in files in %s.", limit, scratch_folder())
             self._said = True
         try:
-            with tempfile.TemporaryFile(dir=_folder()) as file:
+            with tempfile.TemporaryFile(dir=scratch_folder()) as file:
                 os.posix_fallocate(file.fileno(), 0, size)  # a full disk is an error now, and a crash later
                 pages = mmap.mmap(file.fileno(), size)
         except OSError as error:
-            raise StorageError(_folder(), error, SHORT) from error
+            raise StorageError(scratch_folder(), error, SHORT) from error
         for each in self._files:
             each.madvise(mmap.MADV_DONTNEED)  # their pages stay in the file, and need not in memory
         self._files.add(pages)
@@ -112,7 +112,7 @@ class Memory:
         return np.frombuffer(pages, np.uint8)
 
 
-def _folder() -> Path:
+def scratch_folder() -> Path:
     """Where the files lie: on a disk, which /tmp may not be."""
     return Path(os.environ.get("TMPDIR") or "/var/tmp")
 
@@ -120,7 +120,7 @@ def _folder() -> Path:
 def _free_on_disk() -> int:
     """How many bytes files may take; none where there is no such folder, which matters only if they are needed."""
     try:
-        return shutil.disk_usage(_folder()).free
+        return shutil.disk_usage(scratch_folder()).free
     except OSError:
         return 0
 

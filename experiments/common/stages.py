@@ -7,7 +7,7 @@ any moment, the same call continues; several processes may share a record as lon
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -192,9 +192,10 @@ class Stages:
         """Return the final policy of a training."""
         return training.train(self, self.run_of(training))
 
-    def judged(self, training: Training, tier: str, seeds: range) -> EvaluationResult:
-        """Return how the final policy of a training flies in a tier, on ``seeds``."""
+    def judged(self, training: Training, tier: str, seeds: range, *, images: bool = True) -> EvaluationResult:
+        """Return how the final policy of a training flies in a tier, on ``seeds``; ``images``: whether it looks at any."""
         source = training.source
+        seen = source if images else replace(source, cameras=())
         where = {
             "tier": tier,
             "seeds": [seeds.start, seeds.stop],
@@ -206,7 +207,7 @@ class Stages:
         return judged_once(
             place,
             lambda: self.policy(training),
-            lambda: self.environment(source, tier, min(self.num_envs, len(seeds))),
+            lambda: self.environment(seen, tier, min(self.num_envs, len(seeds))),
             seeds,
             name=training.label,
             progress=self.progress,

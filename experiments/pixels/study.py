@@ -252,7 +252,7 @@ class Pixels:
     def _judged(self, stages: Stages, flight: Flight) -> EvaluationResult:
         training, seeds = flight.training, range(self.first_episode, self.first_episode + self.episodes)
         if not flight.changed:
-            return stages.judged(training, flight.tier, seeds)
+            return stages.judged(training, flight.tier, seeds, images=bool(training.policy.images))
         where = {"tier": flight.tier, "seeds": [seeds.start, seeds.stop], "changed": flight.changed}
         stages.run_of(training)
         return judged_once(

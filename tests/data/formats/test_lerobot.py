@@ -14,10 +14,11 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.collection.collect import collect
-from aerial_il.core.errors import DemoError
+from aerial_il.core.errors import DemoError, StorageError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats.lerobot import write
+from aerial_il.data.formats.parts.lerobot import files
 from aerial_il.data.formats.parts.lerobot.writing import write_states, write_with_lerobot
 from aerial_il.policies.mlp import MLP
 from tests.data.crane import CraneBatch, CraneExpert
@@ -216,6 +217,19 @@ def test_a_foreign_dataset_is_read_from_its_columns(derived: Path, tmp_path: Pat
     settings = BC(steps=2, warmup_steps=1, validation=0.0)
     policy = settings.train(list(open_dataset(copy)), MLP(hidden=(8,), chunk=2), run=tmp_path / "run", progress=False)
     assert policy.spec.is_foreign, "the shipped anchor is not among its fields"
+
+
+def test_a_large_dataset_lies_on_disk_and_reads_the_same(derived: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = open_dataset(derived)[-1]
+    monkeypatch.setattr(files, "HELD_BYTES", 0)
+    mapped = open_dataset(derived)[-1]
+    np.testing.assert_array_equal(mapped.actions, held.actions)
+    assert mapped.uid == held.uid
+    for name, values in held.obs.items():
+        np.testing.assert_array_equal(mapped.obs[name], values)
+    monkeypatch.setenv("TMPDIR", str(derived / "nowhere"))
+    with pytest.raises(StorageError, match=r"nowhere.*TMPDIR"):
+        open_dataset(derived)
 
 
 def test_a_failed_conversion_leaves_the_older_one(folder: DatasetFolder, tmp_path: Path) -> None:

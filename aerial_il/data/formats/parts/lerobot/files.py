@@ -4,24 +4,28 @@ lerobot answers an incomplete dataset by asking the network for it, so completen
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import IO, Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from aerial_il.core.bounded import read_json
-from aerial_il.core.errors import DemoError
+from aerial_il.core.errors import DemoError, StorageError
 from aerial_il.core.files import sha256_of
 from aerial_il.data.formats.parts.content_digest import sealed
 from aerial_il.data.formats.parts.lerobot.identity import UID
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
+from aerial_il.data.memory import scratch_folder
 
 REBUILD = "Derive it anew from the recordings with: aerial-il convert"
 SUPPORTED, OLDER = "v3.", "v2.1"
 CONVERTER = "python -m lerobot.scripts.convert_dataset_v21_to_v30 --repo-id=NAME --root={} --push-to-hub=false"
 MAX_TABLE_BYTES = 160 << 20
+HELD_BYTES = 64 << 20  # of files whose rows are held in memory
 MAX_SWELLING = 8  # times the bytes of a file that its columns may take
 TEXTS = "tasks.list.element"  # of episodes; a text that repeats is kept once, as a demo.uid is
 
@@ -128,3 +132,29 @@ def read_table(file: Path, columns: Sequence[str]) -> pa.Table:
         return pq.read_table(file, columns=list(columns), read_dictionary=[UID, TEXTS])
     except (pa.ArrowException, OSError) as error:
         raise DemoError(file, f"is cut or damaged ({error}).", hint=REBUILD) from error
+
+
+def read_rows(path: Path, columns: Sequence[str]) -> pa.Table:
+    """Return some columns of all rows, file after file; of a large dataset they lie on disk, and vanish with the table.
+
+    Raises:
+        StorageError: the disk has no room for that file.
+    """
+    files = parquets(path, "data")
+    if sum(file.stat().st_size for file in files) <= HELD_BYTES:
+        return pa.concat_tables([read_table(file, columns) for file in files])
+    try:
+        with tempfile.NamedTemporaryFile(dir=scratch_folder()) as scratch:
+            _write_rows(scratch, (read_table(file, columns) for file in files))
+            return pa.ipc.open_stream(pa.memory_map(scratch.name)).read_all()  # mapped, it outlives its name
+    except OSError as error:
+        raise StorageError(scratch_folder(), error, "Name a disk with more room in TMPDIR.") from error
+
+
+def _write_rows(scratch: IO[bytes], tables: Iterator[pa.Table]) -> None:
+    """Write tables one after the other so that they can be used where they lie."""
+    first = next(tables)
+    with pa.ipc.new_stream(scratch, first.schema) as writer:
+        for table in chain((first,), tables):
+            writer.write_table(table)
+    scratch.flush()

@@ -14,7 +14,14 @@ import pyarrow.parquet as pq
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
 from aerial_il.core.specs import UNKNOWN, EnvSpec, Field, Group
-from aerial_il.data.formats.parts.lerobot.files import REBUILD, check_lerobot, parquets, provenance, read_table
+from aerial_il.data.formats.parts.lerobot.files import (
+    REBUILD,
+    check_lerobot,
+    parquets,
+    provenance,
+    read_rows,
+    read_table,
+)
 from aerial_il.data.formats.parts.lerobot.identity import UID, declared_spec, distinct
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
 from aerial_il.data.formats.parts.lerobot.videos import camera_fields, clip_of, field_name, read_clip, read_stills
@@ -64,7 +71,7 @@ def _source(path: Path, info: Mapping[str, Any]) -> Source:
         raise DemoError(path, f"lacks action or {STATE}; nothing can be learnt from it here.", got=sorted(features))
     shapes = {name: tuple(map(int, features[name]["shape"])) for name in (*vectors, ACTION) if name in features}
     columns = [name for name in (*vectors, *SERIES, "episode_index", ACTION, UID) if name in features]
-    table = _by_episode(pa.concat_tables([read_table(file, columns) for file in parquets(path, "data")]))
+    table = _by_episode(read_rows(path, columns))
     index = table["episode_index"].to_numpy()
     starts = np.flatnonzero(np.diff(index, prepend=-1))
     origins = {entry["uid"]: entry for entry in ours["episodes"]}
