@@ -193,7 +193,7 @@ class Stages:
         return training.train(self, self.run_of(training))
 
     def judged(self, training: Training, tier: str, seeds: range, *, images: bool = True) -> EvaluationResult:
-        """Return how the final policy of a training flies in a tier, on ``seeds``; ``images``: whether it looks at any."""
+        """Return how the final policy of a training, which may look at ``images``, flies in a tier, on ``seeds``."""
         source = training.source
         seen = source if images else replace(source, cameras=())
         where = {

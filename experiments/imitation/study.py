@@ -13,10 +13,13 @@ from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
+
 import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.statistics import t_interval
 from aerial_il.policies.act import ACT
 from aerial_il.policies.diffusion import Diffusion
 from aerial_il.policies.flow import Flow
@@ -42,6 +45,7 @@ POLICIES: Mapping[str, PolicySettings] = {
 }
 MACRO_PERCENT = {"fa_hexa_arm4": 95.0, "ua_quad_arm4": 92.0, "big_four_z1": 88.0}
 HARDEST, HARDEST_PERCENT = "insert_peg", {"fa_hexa_arm4": 90.0, "ua_quad_arm4": 85.0, "big_four_z1": 70.0}
+APART_POINTS, APART_TASKS = 15.0, 3
 MACRO = "all tasks"
 NOTES = (
     "One final checkpoint per training; none is selected by its success. The trainings of an arm differ in their "
@@ -52,6 +56,11 @@ NOTES = (
     "Policy class, chunk, optimisation steps and the expert's noise are the defaults of `train` and `collect`, "
     "unless the command above says otherwise.",
     f"Targets are for {JUDGED_DEMOS} demonstrations in the first tier with the default policy class, {DEFAULT}.",
+)
+OF_APART = (
+    "Told apart: the best less the worst of the methods that flew all draws, paired by draw: the same demonstrations "
+    "and seeds. Both are chosen by these very flights, which makes the difference larger than it is. Student's 95 % "
+    "interval over the draws: p < .05 where it does not hold 0."
 )
 
 
@@ -141,11 +150,12 @@ class Imitation:
         usual = {f: r for f, r in results.items() if f.training.demos == self.demos}
         per_task, macro, scaling = _per_task(usual, stages), macro_rows(usual), self._scaling(results)
         sizes = {"Success over demonstrations": scaling} if self.sizes else {}
+        apart = [*told_apart(usual)]
         return Report(
             study=self,
-            targets=tuple(self.targets_of(macro, per_task)),
-            tables={"All tasks": macro, "Each task": per_task, **sizes},
-            notes=(*NOTES, *stages.record.notes()),
+            targets=(*self.targets_of(macro, per_task), *_targets_apart(apart)),
+            tables={"All tasks": macro, "Each task": per_task, **({"Told apart": apart} if apart else {}), **sizes},
+            notes=(*NOTES, *([OF_APART] if apart else []), *stages.record.notes()),
             figures=self.drawn_figures(per_task, scaling),
             details={"failed_seeds": {f"{f.training.label}/{f.tier}": failed_seeds(r) for f, r in results.items()}},
             wall_time_s=stages.seconds(),
@@ -231,6 +241,41 @@ def _per_task(results: Results, stages: Stages) -> list[Row]:
         {**arm, **pooled_row(found.values()), "train_min": stages.minutes(f.training for f in found)}
         for arm, found in groups
     ]
+
+
+def told_apart(results: Results) -> Iterator[Row]:
+    """Yield, for each cell that several methods flew in the same draws, by how much the best is above the worst."""
+    for cell, found in grouped_by(results, "robot", "task", "trained_in", "flown_in"):
+        rates: dict[str, dict[int, float]] = {}
+        for flight, result in found.items():
+            rates.setdefault(flight.training.method, {})[flight.training.source.draw] = result.success["rate"]
+        draws = sorted(set[int]().union(*rates.values()))
+        whole = {
+            method: np.array([each[k] for k in draws]) for method, each in rates.items() if len(each) == len(draws)
+        }
+        if len(whole) < 2:
+            continue
+        worst, *_, best = sorted(whole, key=lambda method: whole[method].mean())
+        gain = 100 * (whole[best] - whole[worst])
+        low, high = t_interval(gain)
+        yield {
+            **cell,
+            "best": best,
+            "worst": worst,
+            "points": round(float(gain.mean()), 1),
+            "low": None if np.isnan(low) else round(low, 1),
+            "high": None if np.isnan(high) else round(high, 1),
+            "draws": len(draws),
+        }
+
+
+def _targets_apart(apart: Sequence[Row]) -> Iterator[Target]:
+    """Yield on how many tasks the methods differ beyond chance, where any differ in three draws."""
+    judged = [row for row in apart if row["draws"] >= 3]
+    if judged:
+        clear = {row["task"] for row in judged if row["points"] >= APART_POINTS and row["low"] > 0}
+        what = f"tasks on which the best method is {APART_POINTS:g} points above the worst, p < .05"
+        yield Target(what, "at least", APART_TASKS, len(clear), "tasks", ", ".join(sorted(clear)))
 
 
 def macro_rows(results: Results) -> list[Row]:

@@ -68,6 +68,19 @@ def test_the_mean_counts_tasks_alike() -> None:
     assert row["trainings_low"] < row["flights_low"] < 50 < row["flights_high"] < row["trainings_high"]
 
 
+def test_methods_are_told_apart_by_draws_that_all_of_them_flew() -> None:
+    results = {
+        replace(flight, training=replace(flight.training, method=method)): result_with(20, count)
+        for method, counts in {"mlp": (2, 4, 3), "flow": (18, 20, 19), "act": (20,), "gmm": (10, 9, 11)}.items()
+        for flight, count in zip(flown(*(("reach", draw, 0) for draw in range(3))), counts, strict=False)
+    }
+    (row,) = imitation.told_apart(results)
+    assert (row["best"], row["worst"], row["points"], row["draws"]) == ("flow", "mlp", 80.0, 3)
+    assert row["low"] == row["high"] == 80.0, "each draw says the same"
+    alone = {flight: result for flight, result in results.items() if flight.training.method == "mlp"}
+    assert not [*imitation.told_apart(alone)]
+
+
 def test_a_task_that_lacks_a_draw_is_not_averaged_over() -> None:
     with pytest.raises(InvalidValueError, match="as many trainings of each"):
         imitation.macro_rows(flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6)))
