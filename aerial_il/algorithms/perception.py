@@ -362,7 +362,7 @@ class _Run:
                     found, rows = pose.placed(camera.unproject(values)), seen.numpy() > 0
                 else:
                     found, rows = target.decode(values, pose), np.ones(len(frames), bool)
-                missed.setdefault(target.field, []).append((found - frames.obs[target.field])[rows])
+                missed.setdefault(target.field, []).append((found - target.values(frames.obs))[rows])
         return {
             f"validation/{name}": float(np.sqrt(np.mean(np.concatenate(each) ** 2))) for name, each in missed.items()
         }

@@ -22,13 +22,14 @@ WARM_UP = 20  # steps that are not timed
 def begins_in_view(env: BatchEnv, policy: PerceivingPolicy, seeds: Sequence[int]) -> dict[int, bool]:
     """Return for each seed whether, at its start, every place that is estimated lies in some camera's image."""
     found = dict[int, bool]()
-    places = [target.field for target in policy.eyes.targets.estimated if target.kind == PLACE]
+    places = [target for target in policy.eyes.targets.estimated if target.kind == PLACE]
     for first in range(0, len(seeds), env.num_envs):
         some = np.resize(np.array(seeds[first : first + env.num_envs]), env.num_envs)
         obs = env.reset(some)
         seen = np.ones(env.num_envs, bool)
-        for name in places:
-            seen &= np.any([each.in_view(each.pose(obs).seen(obs[name])) for each in policy.eyes.cameras], axis=0)
+        for place in places:
+            where = place.values(obs)
+            seen &= np.any([each.in_view(each.pose(obs).seen(where)) for each in policy.eyes.cameras], axis=0)
         found |= dict(zip(some.tolist(), seen.tolist(), strict=True))
     return found
 

@@ -58,7 +58,7 @@ class Hidden:
             lacking = "nothing is hidden from it" if images else "it sees no colour image"
             raise InvalidValueError(f"The auxiliary loss tells what is hidden from a policy, and {lacking}. {HINT}")
         estimated = Targets.of(spec.observation, [demo.obs for demo in demos], hidden).estimated
-        told = tuple(target for target in estimated if target.field in hidden)
+        told = tuple(target for target in estimated if {*target.parts} <= {*hidden})
         if not told:
             raise InvalidValueError(
                 f"Hidden are {hidden}; none varies by itself, so that there is nothing to tell. {HINT}"

@@ -40,7 +40,7 @@ class Frames:
 def kept_fields(eyes: Eyes) -> tuple[str, ...]:
     """Return the fields that frames for some eyes hold."""
     poses = [name for pair in MOUNTS.values() for name in pair]
-    targets = [target.field for target in eyes.targets.estimated]
+    targets = [part for target in eyes.targets.estimated for part in target.parts]
     return tuple(dict.fromkeys([*(camera.image for camera in eyes.cameras), *poses, *eyes.own, *targets]))
 
 

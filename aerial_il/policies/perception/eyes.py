@@ -115,7 +115,8 @@ class Eyes(nn.Module):
         found = {**{name: np.tile(value, (n, 1)) for name, value in self.targets.constant.items()}, **estimates}
         sources, sums = {**sources_of(obs, ()), **found}, defaultdict[str, list[np.ndarray]](list)
         for each in self.targets.sums:
-            sums[each.field].append(each.of(sources))
+            sources[each.field] = each.of(sources)
+            sums[each.field].append(sources[each.field])
         return found | {name: np.concatenate(points, axis=1) for name, points in sums.items()}
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +149,7 @@ def labels_of(targets: Sequence[Target], camera: Camera, obs: Observation) -> tu
     pose = camera.pose(obs)
     labels, visible = list[Tensor](), list[Tensor | None]()
     for target in targets:
-        values = obs[target.field]
+        values = target.values(obs)
         labels.append(tensor(target.encode(values, pose, camera).astype(np.float32)))
         seen = camera.in_view(pose.seen(values)) if target.kind == PLACE else None
         visible.append(None if seen is None else tensor(seen.astype(np.float32)))

@@ -1,10 +1,11 @@
 """What follows from what is estimated: found in the data, so that all that is known of one thing agrees.
 
 A task shows where a cube is, and also how far it is from the tool and the bowl from it. Only the places need to be
-estimated. Which displacements are sums of places, of the tool's pose and of axes, with which coefficients, is read off
-the demonstrations by least squares: it holds in every step, or it is none. Likewise no single image shows how fast a
-door turns, nor where a ball will be: which fields are rates of others is read off how these change, and several points
-in one field, such as where something will be soon, are the nearest sums of places and velocities.
+estimated; of one that rests and is shown only by how far it is from another, where it is. Which displacements are sums
+of places, of the tool's pose and of axes, with which coefficients, is read off the demonstrations by least squares: it
+holds in every step, or it is none. Likewise no single image shows how fast a door turns, nor where a ball will be:
+which fields are rates of others is read off how these change, and several points in one field, such as where something
+will be soon, are the nearest sums of places and velocities.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.parts.relative import rotations
 
 EXACT_M = 1e-3  # root mean square of what a sum may miss
+RESTS = 0.1  # most that the end of a displacement may roam, as a share of what the displacement does
 EXPLAINED = 0.8  # least share of a rate's square that changes of its field explain: some rates are smoothed
 HORIZON = 10  # steps over which a rate's drift is measured: what changes it goes on for more than one
 TOOL = ("ee_pos", "ee_rot6d")
@@ -81,6 +83,27 @@ def find_sums(spec: ObservationSpec, obs: Observation) -> tuple[Sum, ...]:
         else:
             found.append(Sum(name, tuple((n, float(c)) for n, c in zip(names, terms, strict=True) if c)))
     return tuple(found)
+
+
+def find_ends(flights: Sequence[Observation], names: Sequence[str]) -> dict[str, Sum]:
+    """Return which displacements lead to something that rests, each as the place of that less where it leads from.
+
+    Args:
+        flights: ``name -> (T, 3)`` of whole flights. names: places and displacements; those are called ``_pos``.
+    """
+    found = dict[str, Sum]()
+    for name in (n for n in names if not n.endswith("_pos")):
+        roams, starts = _roams(flights, name), [n for n in names if n.endswith("_pos")]
+        rests = [start for start in starts if _roams(flights, name, start) < RESTS * roams]
+        if rests and roams > EXACT_M:
+            found[name] = Sum(name, ((f"end of {name}", 1.0), (rests[0], -1.0)))
+    return found
+
+
+def _roams(flights: Sequence[Observation], *names: str) -> float:
+    """Return the root mean square by which a sum of fields leaves its mean of a flight, m."""
+    sums = [np.sum([each[name] for name in names], axis=0) for each in flights]
+    return float(np.sqrt(np.mean(np.concatenate([np.sum((each - each.mean(0)) ** 2, axis=1) for each in sums]))))
 
 
 def find_points(spec: ObservationSpec, obs: Observation, names: Sequence[str]) -> tuple[Sum, ...]:

@@ -3,7 +3,8 @@
 The specification of the observations decides, no task does. A point in the world is told as where it lies in the image
 and how far away, with whether it is in the image at all. A rotation, an axis or a heading is told as the camera sees
 it, turned with the camera. All else, such as how far a button is pressed, is told as it is. What never varies is not
-estimated, and what follows from other fields or from their changes is computed (see :mod:`.relations`).
+estimated, and what follows from other fields or from their changes is computed (see :mod:`.relations`). Of the way from
+one place to another that is not shown itself, such as the end of a rail, that other place is told.
 """
 
 from __future__ import annotations
@@ -20,7 +21,15 @@ from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.parts.normaliser import hardly_varies
 from aerial_il.policies.parts.relative import rotations, turned
 from aerial_il.policies.perception.cameras import Camera, Pose
-from aerial_il.policies.perception.relations import Rate, Sum, find_points, find_rates, find_sums
+from aerial_il.policies.perception.relations import (
+    Rate,
+    Sum,
+    find_ends,
+    find_points,
+    find_rates,
+    find_sums,
+    places_of,
+)
 
 Kind = Literal["place", "rotation", "heading", "number"]
 PLACE, ROTATION, HEADING, NUMBER = "place", "rotation", "heading", "number"
@@ -29,13 +38,14 @@ FARTHEST = 6.0  # deviations of the demonstrations: beyond, as after a crash, nu
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A field that is estimated.
+    """What is estimated: a field, or the place where a displacement ends.
 
     Attributes:
         field: its name. kind: in which terms. size: numbers that it has. fold: of a heading, by which the yaw is
             multiplied in it.
         centre, scale: (size,) of the field in the demonstrations, in the world.
         drift: (size,) mean square by which it changes from one step to the next.
+        parts: the observed fields that add up to it: itself, or a place and the displacement from there.
     """
 
     field: str
@@ -45,6 +55,11 @@ class Target:
     centre: np.ndarray
     scale: np.ndarray
     drift: np.ndarray
+    parts: tuple[str, ...]
+
+    def values(self, obs: Observation) -> np.ndarray:
+        """Return what it is (n, size) in observations that know it."""
+        return np.sum([obs[name] for name in self.parts], axis=0)
 
     def encode(self, values: np.ndarray, pose: Pose, camera: Camera) -> np.ndarray:
         """Return (n, size) what a camera is to tell of the field's values (n, size)."""
@@ -75,14 +90,15 @@ class Target:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
-        own = {"field": self.field, "kind": self.kind, "size": self.size, "fold": self.fold}
+        own = {"field": self.field, "kind": self.kind, "size": self.size, "fold": self.fold, "parts": [*self.parts]}
         return {**own, **{name: getattr(self, name).tolist() for name in ("centre", "scale", "drift")}}
 
     @staticmethod
     def from_dict(raw: Mapping[str, Any]) -> Target:
         """Undo :meth:`to_dict`."""
         numbers = {name: np.array(raw[name], float) for name in ("centre", "scale", "drift")}
-        return Target(raw["field"], raw["kind"], int(raw["size"]), int(raw["fold"]), **numbers)
+        parts = tuple(raw.get("parts", (raw["field"],)))
+        return Target(raw["field"], raw["kind"], int(raw["size"]), int(raw["fold"]), **numbers, parts=parts)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +132,9 @@ class Targets:
         rates = tuple(each for each in rates if each.field in used)
         told = [n for n in shown if n in used | {r.of for r in rates} and n not in _fields((*rates, *sums))]
         constant = {n: joined[n].mean(0) for n in told if hardly_varies(*_extent(joined[n])).all()}
-        return Targets(
-            tuple(_target(spec[n], [each[n] for each in flights]) for n in told if n not in constant),
-            sums,
-            constant,
-            rates,
-        )
+        ends = find_ends(flights, [n for n in places_of(spec) if n in told and n not in {r.of for r in rates}])
+        estimated = tuple(_target(spec[n], flights, ends.get(n)) for n in told if n not in constant)
+        return Targets(estimated, (*ends.values(), *sums), constant, rates)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values."""
@@ -146,12 +159,15 @@ def yaw_of(pose: Pose) -> np.ndarray:
     return np.arctan2(pose.rot[:, 1, 0], pose.rot[:, 0, 0])
 
 
-def _target(field: Field, flights: Sequence[np.ndarray]) -> Target:
-    values = np.concatenate(flights)
-    steps = np.concatenate([np.diff(each, axis=0) for each in flights if len(each) > 1] or [np.zeros_like(values[:1])])
+def _target(field: Field, flights: Sequence[Observation], end: Sum | None) -> Target:
+    """Return the target of a field, or of where it ends if it is a displacement."""
+    name, parts = (field.name, (field.name,)) if end is None else (end.terms[0][0], (end.terms[1][0], field.name))
+    each = [np.sum([flight[part] for part in parts], axis=0) for flight in flights]
+    values = np.concatenate(each)
+    steps = np.concatenate([np.diff(one, axis=0) for one in each if len(one) > 1] or [np.zeros_like(values[:1])])
     kind, fold = _kind(field)
     scale = np.maximum(values.std(0), 1e-6)
-    return Target(field.name, kind, field.size, fold, values.mean(0), scale, np.mean(steps**2, axis=0))
+    return Target(name, kind, field.size, fold, values.mean(0), scale, np.mean(steps**2, axis=0), parts)
 
 
 def _kind(field: Field) -> tuple[Kind, int]:

@@ -64,14 +64,15 @@ class Sight:
     def _mark(self, draw: ImageDraw.ImageDraw, camera: Camera, size: tuple[int, int]) -> None:
         assert self._policy is not None
         sure = self._policy.deviations
-        places = [target.field for target in self._policy.eyes.targets.estimated if target.kind == PLACE]
+        places = [target for target in self._policy.eyes.targets.estimated if target.kind == PLACE]
         for k, place in enumerate(places):
-            found = self._pixel(camera, self._estimates[place], size)
+            found = self._pixel(camera, self._estimates[place.field], size)
             if found is not None:
                 (x, y), per_metre = found
-                radius, colour = max(LEAST * size[1], sure[place][0] * per_metre), ESTIMATES[k % len(ESTIMATES)]
+                radius, colour = max(LEAST * size[1], sure[place.field][0] * per_metre), ESTIMATES[k % len(ESTIMATES)]
                 draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=colour, width=2)
-            if place in self._obs and (found := self._pixel(camera, self._obs[place], size)) is not None:
+            known = {*place.parts} <= {*self._obs}
+            if known and (found := self._pixel(camera, place.values(self._obs), size)) is not None:
                 (x, y), half = found[0], SIDE * size[1]
                 draw.rectangle((x - half, y - half, x + half, y + half), outline=TRUTH)
 

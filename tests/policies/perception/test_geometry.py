@@ -141,7 +141,7 @@ def test_what_no_demonstration_comes_near_is_told_as_far():
     """A crash presses a thousand times as hard as any demonstration: it must not be all that is learned from it."""
     camera = Camera("wrist_rgb", "tool", np.eye(3), np.zeros(3), slope=0.8, aspect=1.5)
     pose = Pose(np.tile(np.eye(3), (3, 1, 1)), np.zeros((3, 3)))
-    force = Target("force", "number", 1, 1, np.ones(1), np.full(1, 0.5), np.zeros(1))
+    force = Target("force", "number", 1, 1, np.ones(1), np.full(1, 0.5), np.zeros(1), ("force",))
     told = force.encode(np.array([[1.0], [2.0], [500.0]]), pose, camera)
     np.testing.assert_allclose(told[:, 0], [0.0, 2.0, FARTHEST])
     np.testing.assert_allclose(force.decode(told, pose)[:2, 0], [1.0, 2.0])

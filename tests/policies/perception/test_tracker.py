@@ -9,9 +9,9 @@ from aerial_il.policies.perception.relations import Rate
 from aerial_il.policies.perception.targets import Target
 from aerial_il.policies.perception.tracker import Measurement, Tracker
 
-CUBE = Target("cube", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
-TRAVEL = Target("travel", "number", 1, 1, np.zeros(1), np.full(1, 0.01), np.full(1, 1e-8))
-HEADING = Target("heading", "heading", 2, 4, np.zeros(2), np.ones(2), np.full(2, 1e-6))
+CUBE = Target("cube", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3), ("cube",))
+TRAVEL = Target("travel", "number", 1, 1, np.zeros(1), np.full(1, 0.01), np.full(1, 1e-8), ("travel",))
+HEADING = Target("heading", "heading", 2, 4, np.zeros(2), np.ones(2), np.full(2, 1e-6), ("heading",))
 ALL = (CUBE, TRAVEL, HEADING)
 SURE = np.tile(1e-4 * np.eye(3), (2, 1, 1))  # 1 cm
 BOTH = np.ones(2, bool)
@@ -26,7 +26,7 @@ def started(targets=ALL) -> Tracker:
 
 def following_a_ball() -> Tracker:
     """A place whose rate is wanted, too, in m/s at 50 control steps a second."""
-    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3))
+    ball = Target("ball", "place", 3, 1, np.zeros(3), np.full(3, 0.3), np.zeros(3), ("ball",))
     tracker = Tracker([ball], 0.9, [Rate("ball_vel", "ball", 50.0, 0.01, 1e-6)])
     tracker.begin(BOTH)
     return tracker
@@ -130,7 +130,7 @@ def test_worlds_do_not_depend_on_each_other_and_memory_is_all():
 
 def test_a_rate_is_told_by_how_its_field_changes():
     """A door that swings, told by noisy looks at every other step: its rate is none of the looks' differences."""
-    angle = Target("angle", "number", 1, 1, np.zeros(1), np.full(1, 0.4), np.full(1, 3e-5))
+    angle = Target("angle", "number", 1, 1, np.zeros(1), np.full(1, 0.4), np.full(1, 3e-5), ("angle",))
     rate = Rate("rate", "angle", 50.0, 0.08, 3.2e-4)
     tracker, rng, missed = Tracker([angle], 0.9, [rate]), np.random.default_rng(1), []
     tracker.begin(BOTH)
