@@ -130,9 +130,11 @@ class Targets:
         sums = tuple(each for each in (*sums, *find_points(spec, joined, known)) if each.field in names)
         used = {source for each in sums for source, _ in each.terms} | {*names}
         rates = tuple(each for each in rates if each.field in used)
+        ends = find_ends(flights, [n for n in places_of(spec) if n in shown])
+        ends = {n: each for n, each in ends.items() if n in used and n not in {r.of for r in rates}}
+        used |= {source for each in ends.values() for source, _ in each.terms}
         told = [n for n in shown if n in used | {r.of for r in rates} and n not in _fields((*rates, *sums))]
         constant = {n: joined[n].mean(0) for n in told if hardly_varies(*_extent(joined[n])).all()}
-        ends = find_ends(flights, [n for n in places_of(spec) if n in told and n not in {r.of for r in rates}])
         estimated = tuple(_target(spec[n], flights, ends.get(n)) for n in told if n not in constant)
         return Targets(estimated, (*ends.values(), *sums), constant, rates)
 

@@ -14,6 +14,7 @@ import aerial_il
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import Field, ObservationSpec
 from aerial_il.policies.perception.cameras import Camera, Pose
+from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.relations import find_rates, find_sums
 from aerial_il.policies.perception.targets import FARTHEST, Target, Targets
 
@@ -216,3 +217,35 @@ def test_where_something_will_be_follows_from_where_it_is_and_how_fast_it_moves(
     again = Targets.from_dict(json.loads(json.dumps(found.to_dict())))
     assert again.sums == found.sums
     assert not Targets.of(ORBIT, flights, ("pair",)).sums
+
+
+RAIL = ObservationSpec(
+    (
+        Field("ee_pos", (3,), unit="m", frame="world"),
+        Field("ee_rot6d", (6,), frame="world from tool"),
+        Field("handle_pos", (3,), "task", unit="m", frame="world"),
+        Field("handle_to_end", (3,), "task", unit="m", frame="world"),
+    )
+)
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_where_a_displacement_ends_is_looked_for_if_it_rests(rests):
+    """No camera sees a displacement: the end of a rail is a place, and how far the handle is from it follows."""
+    rng, flights, ends = np.random.default_rng(5), list[dict[str, np.ndarray]](), list[np.ndarray]()
+    for _ in range(4):
+        end = rng.standard_normal(3) + (0.0 if rests else 0.1 * rng.standard_normal((60, 1)))
+        handle = rng.standard_normal(3) + np.linspace(0.0, 0.3, 60)[:, None] * rng.standard_normal(3)
+        pose = {"ee_pos": rng.standard_normal((60, 3)), "ee_rot6d": rng.standard_normal((60, 6))}
+        flights.append({**pose, "handle_pos": handle, "handle_to_end": end - handle})
+        ends.append(np.broadcast_to(end, (60, 3)))
+    found = Targets.of(RAIL, flights, ("handle_to_end",))
+    names = ["handle_pos", "end of handle_to_end"] if rests else ["handle_to_end"]
+    assert [each.field for each in found.estimated] == names
+    if rests:
+        looked = found.estimated[1]
+        np.testing.assert_allclose(looked.values(flights[0]), ends[0])
+        told = {"handle_pos": flights[0]["handle_pos"], looked.field: ends[0]}
+        again = Targets.from_dict(json.loads(json.dumps(found.to_dict())))
+        complete = Eyes(again, (), (), (), 0, 8).complete(flights[0], told)
+        np.testing.assert_allclose(complete["handle_to_end"], flights[0]["handle_to_end"])
