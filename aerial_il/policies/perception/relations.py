@@ -24,6 +24,7 @@ RESTS = 0.1  # most that the end of a displacement may roam, as a share of what 
 EXPLAINED = 0.8  # least share of a rate's square that changes of its field explain: some rates are smoothed
 HORIZON = 10  # steps over which a rate's drift is measured: what changes it goes on for more than one
 TOOL = ("ee_pos", "ee_rot6d")
+CALLED = "_pos"  # ends the names of places; other vectors of a length lead from one to another
 AXES = ("tool x", "tool y", "tool z")
 
 
@@ -60,7 +61,7 @@ class Rate:
 def places_of(spec: ObservationSpec) -> tuple[str, ...]:
     """Return the fields to be seen that are points or displacements in the world, m; those called places first."""
     found = [n for n in spec.to_be_seen if (spec[n].shape, spec[n].unit, spec[n].frame) == ((3,), "m", "world")]
-    return tuple(sorted(found, key=lambda name: not name.endswith("_pos")))
+    return tuple(sorted(found, key=lambda name: not name.endswith(CALLED)))
 
 
 def axes_of(spec: ObservationSpec) -> tuple[str, ...]:
@@ -92,8 +93,8 @@ def find_ends(flights: Sequence[Observation], names: Sequence[str]) -> dict[str,
         flights: ``name -> (T, 3)`` of whole flights. names: places and displacements; those are called ``_pos``.
     """
     found = dict[str, Sum]()
-    for name in (n for n in names if not n.endswith("_pos")):
-        roams, starts = _roams(flights, name), [n for n in names if n.endswith("_pos")]
+    for name in (n for n in names if not n.endswith(CALLED)):
+        roams, starts = _roams(flights, name), [n for n in names if n.endswith(CALLED)]
         rests = [start for start in starts if _roams(flights, name, start) < RESTS * roams]
         if rests and roams > EXACT_M:
             found[name] = Sum(name, ((f"end of {name}", 1.0), (rests[0], -1.0)))

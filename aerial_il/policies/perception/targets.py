@@ -1,10 +1,10 @@
 """What is estimated from images, field by field, and in which terms a camera tells it.
 
-The specification of the observations decides, no task does. A point in the world is told as where it lies in the image
-and how far away, with whether it is in the image at all. A rotation, an axis or a heading is told as the camera sees
-it, turned with the camera. All else, such as how far a button is pressed, is told as it is. What never varies is not
-estimated, and what follows from other fields or from their changes is computed (see :mod:`.relations`). Of the way from
-one place to another that is not shown itself, such as the end of a rail, that other place is told.
+The specification of the observations decides, no task does. A point in the world, ``NAME_pos``, is told as where it
+lies in the image and how far away, with whether it is in the image at all. A rotation, an axis or a heading is told as
+the camera sees it, turned with the camera. All else, such as how far a button is pressed, is told as it is. Of the way
+from one place to another that is not shown itself, such as the end of a rail, that other place is told. What never
+varies is not estimated, and what follows from other fields or from their changes is computed (see :mod:`.relations`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from aerial_il.policies.parts.normaliser import hardly_varies
 from aerial_il.policies.parts.relative import rotations, turned
 from aerial_il.policies.perception.cameras import Camera, Pose
 from aerial_il.policies.perception.relations import (
+    CALLED,
     Rate,
     Sum,
     find_ends,
@@ -167,14 +168,14 @@ def _target(field: Field, flights: Sequence[Observation], end: Sum | None) -> Ta
     each = [np.sum([flight[part] for part in parts], axis=0) for flight in flights]
     values = np.concatenate(each)
     steps = np.concatenate([np.diff(one, axis=0) for one in each if len(one) > 1] or [np.zeros_like(values[:1])])
-    kind, fold = _kind(field)
+    kind, fold = _kind(field) if end is None else (PLACE, 1)
     scale = np.maximum(values.std(0), 1e-6)
     return Target(name, kind, field.size, fold, values.mean(0), scale, np.mean(steps**2, axis=0), parts)
 
 
 def _kind(field: Field) -> tuple[Kind, int]:
     """Return in which terms a field is told, and by which its yaw is multiplied."""
-    if (field.shape, field.unit, field.frame) == ((3,), "m", "world"):
+    if (field.shape, field.unit, field.frame) == ((3,), "m", "world") and field.name.endswith(CALLED):
         return PLACE, 1
     if field.unit == "" and (field.name.endswith("_rot6d") or (field.shape, field.frame) == ((3,), "world")):
         return ROTATION, 1

@@ -151,7 +151,7 @@ def test_what_no_demonstration_comes_near_is_told_as_far():
 def test_what_a_robot_knows_by_itself_is_not_estimated():
     targets = Targets.of(SPEC, [flight(np.random.default_rng(2))], SPEC.state_names)
     assert [(each.field, each.kind) for each in targets.estimated] == [
-        ("a_pos", "place"), ("axis", "rotation"), ("b_to_a", "place"),
+        ("a_pos", "place"), ("axis", "rotation"), ("b_to_a", "number"),
     ]  # fmt: skip
     assert SPEC["told"].is_onboard
     assert "told" not in SPEC.to_be_seen
