@@ -168,6 +168,10 @@ def test_every_task_says_what_is_to_be_seen(task):
         spec = env.spec.observation
     own = [f for f in spec.of_group("task") if f.is_onboard]
     assert {f.name for f in own} <= {"wrist_force", "tool_force", "thrust_share", "perched_s"}
+    points = ((3,), "m", "world")
+    vectors = {name for name in spec.to_be_seen if (spec[name].shape, spec[name].unit, spec[name].frame) == points}
+    named = {name for name in vectors if name.endswith("_pos") or "_to_" in name}
+    assert vectors - named <= {"slip"}, "a place that is not called so is not looked for in images"
     assert spec.to_be_seen
 
 
