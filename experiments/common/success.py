@@ -129,6 +129,20 @@ def _interval(name: str, found: Interval) -> Row:
     return {f"{name}_{end}": None if x is None else _percent(x) for end, x in zip(("low", "high"), ends, strict=True)}
 
 
+def gain_row(name: str, rates: np.ndarray, others: np.ndarray) -> Row:
+    """Return by how many points trainings are better than others, paired: the mean, called ``name``, and its interval.
+
+    Args:
+        rates, others: (N,) success of each training, those of one draw at the same place.
+
+    Returns:
+        With ``low`` and ``high`` of Student's 95 % interval over draws, None of a single one, and ``draws``.
+    """
+    gain = 100 * (rates - others)
+    ends = [None if math.isnan(end) else round(end, 1) for end in t_interval(gain)]
+    return {name: round(float(gain.mean()), 1), **dict(zip(("low", "high"), ends, strict=True)), "draws": len(gain)}
+
+
 def success_target(what: str, percent: float, row: Row) -> Target:
     """Return the target that the success of ``row`` be at least ``percent``."""
     spread = f"95 % interval {row['ci95_low']:g} to {row['ci95_high']:g} %, {row['success']}/{row['episodes']}"

@@ -23,7 +23,6 @@ from aerial_il.algorithms.interactive.gates.thrifty import ThriftyGate
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import t_interval
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.network import PolicySettings
 from experiments.common.demonstrations import NOISE, Source
@@ -31,7 +30,7 @@ from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Asked, Cloned, Stages
-from experiments.common.success import failed_seeds, mean_time_s, pooled_row, pooled_target
+from experiments.common.success import failed_seeds, gain_row, mean_time_s, pooled_row, pooled_target
 
 START, EPISODES, STEPS = "bc, first demonstrations", "bc, as many episodes", "bc, as many episodes and steps"
 JUDGED, JUDGED_PERCENT = "dagger", 95.0
@@ -188,17 +187,8 @@ def differences_of(groups: Sequence[Sequence[Arm]], results: Results) -> Iterato
         if not control_of:
             continue
         asked = _rates(by_name[task, control_of, ""], results)
-        gain = 100 * (asked - _rates(group, results))
-        low, high = t_interval(gain)
-        yield {
-            "task": task,
-            "arm": control_of,
-            "control": name,
-            "difference": round(float(gain.mean()), 1),
-            "low": None if np.isnan(low) else round(low, 1),
-            "high": None if np.isnan(high) else round(high, 1),
-            "draws": len(gain),
-        }
+        row = {"task": task, "arm": control_of, "control": name}
+        yield row | gain_row("difference", asked, _rates(group, results))
 
 
 def _rates(arms: Sequence[Arm], results: Results) -> np.ndarray:

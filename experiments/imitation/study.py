@@ -19,7 +19,6 @@ import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import t_interval
 from aerial_il.policies.act import ACT
 from aerial_il.policies.diffusion import Diffusion
 from aerial_il.policies.flow import Flow
@@ -34,7 +33,7 @@ from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Stages
-from experiments.common.success import failed_seeds, macro_row, pooled_row, pooled_target
+from experiments.common.success import failed_seeds, gain_row, macro_row, pooled_row, pooled_target
 
 DEFAULT, JUDGED_DEMOS = "mlp", 80
 LOCAL = MLP(relative=True, masked_fields=("gripper", "wrist_force", "base_pos", "base_rot6d", "joint_*", "ee_*"))
@@ -153,7 +152,7 @@ class Imitation:
         apart = [*told_apart(usual)]
         return Report(
             study=self,
-            targets=(*self.targets_of(macro, per_task), *_targets_apart(apart)),
+            targets=(*self.targets_of(macro, per_task), *targets_apart(apart)),
             tables={"All tasks": macro, "Each task": per_task, **({"Told apart": apart} if apart else {}), **sizes},
             notes=(*NOTES, *([OF_APART] if apart else []), *stages.record.notes()),
             figures=self.drawn_figures(per_task, scaling),
@@ -256,20 +255,10 @@ def told_apart(results: Results) -> Iterator[Row]:
         if len(whole) < 2:
             continue
         worst, *_, best = sorted(whole, key=lambda method: whole[method].mean())
-        gain = 100 * (whole[best] - whole[worst])
-        low, high = t_interval(gain)
-        yield {
-            **cell,
-            "best": best,
-            "worst": worst,
-            "points": round(float(gain.mean()), 1),
-            "low": None if np.isnan(low) else round(low, 1),
-            "high": None if np.isnan(high) else round(high, 1),
-            "draws": len(draws),
-        }
+        yield {**cell, "best": best, "worst": worst, **gain_row("points", whole[best], whole[worst])}
 
 
-def _targets_apart(apart: Sequence[Row]) -> Iterator[Target]:
+def targets_apart(apart: Sequence[Row]) -> Iterator[Target]:
     """Yield on how many tasks the methods differ beyond chance, where any differ in three draws."""
     judged = [row for row in apart if row["draws"] >= 3]
     if judged:

@@ -81,6 +81,19 @@ def test_methods_are_told_apart_by_draws_that_all_of_them_flew() -> None:
     assert not [*imitation.told_apart(alone)]
 
 
+def test_a_task_tells_methods_apart_by_three_draws_that_agree() -> None:
+    clear = {"task": "reach", "points": 20.0, "low": 5.0, "high": 35.0, "draws": 3}
+    gusty = {**clear, "flown_in": "gusts"}
+    chance = [
+        {**clear, "task": "a", "draws": 2},
+        {**clear, "task": "b", "low": -4.0},
+        {**clear, "task": "c", "points": 14.9},
+    ]
+    (target,) = imitation.targets_apart([*chance, clear, gusty])
+    assert (target.measured, target.spread, target.met) == (1, "reach", False), "a task counts once"
+    assert not [*imitation.targets_apart(chance[:1])]
+
+
 def test_a_task_that_lacks_a_draw_is_not_averaged_over() -> None:
     with pytest.raises(InvalidValueError, match="as many trainings of each"):
         imitation.macro_rows(flown(("reach", 0, 20), ("reach", 1, 10), ("track", 0, 6)))

@@ -92,18 +92,23 @@ def find_ends(flights: Sequence[Observation], names: Sequence[str]) -> dict[str,
     Args:
         flights: ``name -> (T, 3)`` of whole flights. names: places and displacements; those are called ``_pos``.
     """
-    found = dict[str, Sum]()
+    found, starts = dict[str, Sum](), [n for n in names if n.endswith(CALLED)]
     for name in (n for n in names if not n.endswith(CALLED)):
-        roams, starts = _roams(flights, name), [n for n in names if n.endswith(CALLED)]
+        roams = _roams(flights, name)
         rests = [start for start in starts if _roams(flights, name, start) < RESTS * roams]
         if rests and roams > EXACT_M:
             found[name] = Sum(name, ((f"end of {name}", 1.0), (rests[0], -1.0)))
     return found
 
 
+def added(obs: Observation, names: Sequence[str]) -> np.ndarray:
+    """Return the sum of some fields (n, D)."""
+    return np.sum([obs[name] for name in names], axis=0)
+
+
 def _roams(flights: Sequence[Observation], *names: str) -> float:
     """Return the root mean square by which a sum of fields leaves its mean of a flight, m."""
-    sums = [np.sum([each[name] for name in names], axis=0) for each in flights]
+    sums = [added(each, names) for each in flights]
     return float(np.sqrt(np.mean(np.concatenate([np.sum((each - each.mean(0)) ** 2, axis=1) for each in sums]))))
 
 

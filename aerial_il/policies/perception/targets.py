@@ -25,6 +25,7 @@ from aerial_il.policies.perception.relations import (
     CALLED,
     Rate,
     Sum,
+    added,
     find_ends,
     find_points,
     find_rates,
@@ -60,7 +61,7 @@ class Target:
 
     def values(self, obs: Observation) -> np.ndarray:
         """Return what it is (n, size) in observations that know it."""
-        return np.sum([obs[name] for name in self.parts], axis=0)
+        return added(obs, self.parts)
 
     def encode(self, values: np.ndarray, pose: Pose, camera: Camera) -> np.ndarray:
         """Return (n, size) what a camera is to tell of the field's values (n, size)."""
@@ -165,7 +166,7 @@ def yaw_of(pose: Pose) -> np.ndarray:
 def _target(field: Field, flights: Sequence[Observation], end: Sum | None) -> Target:
     """Return the target of a field, or of where it ends if it is a displacement."""
     name, parts = (field.name, (field.name,)) if end is None else (end.terms[0][0], (end.terms[1][0], field.name))
-    each = [np.sum([flight[part] for part in parts], axis=0) for flight in flights]
+    each = [added(flight, parts) for flight in flights]
     values = np.concatenate(each)
     steps = np.concatenate([np.diff(one, axis=0) for one in each if len(one) > 1] or [np.zeros_like(values[:1])])
     kind, fold = _kind(field) if end is None else (PLACE, 1)
