@@ -25,7 +25,7 @@ from aerial_il.algorithms.interactive.gates.coin import CoinGate
 from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.collection.collect import collect
-from aerial_il.core.contracts import BatchEnv, Observation, Policy, attach
+from aerial_il.core.contracts import Policy
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import camera_name
@@ -41,13 +41,14 @@ from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Asked, Cloned, Shown, Stages, all_that_decides, judged_once
 from experiments.common.success import failed_seeds, macro_row, pooled_row
+from experiments.pixels.changes import BLANK, CHANGES, CONTROLS
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
 TOLD, ASKED = "end to end, auxiliary loss", "end to end, dagger"
-BLANK, FROZEN = "images blanked", "first frame for ever"
+UNMOVED = "perception, no redrawn scenes"
 AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
-ARMS = (*AFFORDABLE, TOLD, ASKED)
+ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED)
 TASKS = (
     "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
     "rotate_valve", "insert_peg",
@@ -124,7 +125,7 @@ class Pixels:
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
-        flown_in: tiers of evaluations. controls: fly the first arm with images blanked and frozen, too.
+        flown_in: tiers of evaluations. changes: what the first arm is deprived of besides, in the first of them.
         draws: of demonstrations and weights, one training each. episodes: unseen seeds per evaluation.
         first_episode: the first of them; 5000 to try settings out. timed: control steps of one world that are timed.
         num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
@@ -147,7 +148,7 @@ class Pixels:
     demos: int = 80
     sizes: tuple[int, ...] = ()
     flown_in: tuple[str, ...] = ("calm", "gusts")
-    controls: bool = True
+    changes: tuple[str, ...] = CONTROLS
     draws: tuple[int, ...] = (0, 1, 2)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
@@ -156,9 +157,10 @@ class Pixels:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for name in self.arms:
-            if name not in ARMS:
-                raise UnknownNameError("arm", name, ARMS)
+        for names, valid, what in ((self.arms, ARMS, "arm"), (self.changes, CHANGES, "change")):
+            for name in names:
+                if name not in valid:
+                    raise UnknownNameError(what, name, [*valid])
         if min(self.demos, self.episodes, *self.sizes) < 1 or not (self.draws and self.arms and self.cameras):
             raise InvalidValueError("demos, sizes and episodes start at 1; there are draws, arms and cameras.")
         check_seeds(self.first_episode, self.episodes)
@@ -211,8 +213,8 @@ class Pixels:
             training = self._training(arm, task, draw, self.demos)
             for tier in self.flown_in:
                 yield Flight(training, tier)
-            if arm == self.arms[0] and self.controls:
-                yield from (Flight(training, self.flown_in[0], changed) for changed in (BLANK, FROZEN))
+            if arm == self.arms[0]:
+                yield from (Flight(training, self.flown_in[0], changed) for changed in self.changes)
         for draw, demos, task in product(self.draws, sorted({*self.sizes} - {self.demos}), self.tasks):
             yield Flight(self._training(self.arms[0], task, draw, demos), self.flown_in[0])
 
@@ -238,7 +240,8 @@ class Pixels:
             return Cloned(arm, source, demos, self.policy, self.perception.training)
         if arm in (END_TO_END, TOLD, ASKED):
             return self._end_to_end(arm, source, demos)
-        algorithm = replace(self.perception, rounds=0) if arm == SHOWN else self.perception
+        less = {SHOWN: {"rounds": 0}, UNMOVED: {"redrawn": 0}}
+        algorithm = replace(self.perception, **less.get(arm, {}))
         return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm)
 
     def _end_to_end(self, arm: str, source: Source, demos: int) -> Cloned | Asked:
@@ -261,7 +264,7 @@ class Pixels:
                 f"{training.label}/{flight.tier}-{flight.changed.split()[0]}",
                 {"training": training.decided_by(), **where},
             ),
-            lambda: Misled(stages.policy(training), self.cameras, frozen=flight.changed == FROZEN),
+            lambda: CHANGES[flight.changed](_eyed(stages, flight)),
             lambda: stages.environment(training.source, flight.tier, min(self.num_envs, len(seeds))),
             seeds,
             name=training.label,
@@ -286,36 +289,6 @@ class Pixels:
                 if row["task"] in TASK_PERCENT:
                     yield _target(f"{row['task']}, {FLOWN}: success", TASK_PERCENT[row["task"]], row)
                 yield Target(f"{row['task']}, {FLOWN}: training", "at most", MOST_MIN, row["train_min"], "min")
-
-
-class Misled(Policy):
-    """A policy that is shown other images than there are: black ones, or those of the first step for ever."""
-
-    def __init__(self, policy: Policy, images: Sequence[str], *, frozen: bool) -> None:
-        self._policy, self._images, self._frozen = policy, tuple(images), frozen
-        self._first: dict[str, np.ndarray] = {}
-        self._begins: np.ndarray | None = None
-
-    def act(self, obs: Observation) -> np.ndarray:
-        return self._policy.act({**obs, **{name: self._shown(name, obs[name]) for name in self._images}})
-
-    def reset(self, mask: np.ndarray | None = None) -> None:
-        self._policy.reset(mask)
-        if mask is None:
-            self._first.clear()
-        self._begins = mask
-
-    def attach(self, env: BatchEnv) -> None:
-        attach(self._policy, env)
-
-    def _shown(self, name: str, images: np.ndarray) -> np.ndarray:
-        if not self._frozen:
-            return np.zeros_like(images)
-        first = self._first.setdefault(name, images.copy())
-        if self._begins is not None:
-            first[self._begins] = images[self._begins]
-            self._begins = None if name == self._images[-1] else self._begins
-        return first
 
 
 def _eyed(stages: Stages, flight: Flight) -> PerceivingPolicy:

@@ -1,4 +1,4 @@
-"""What the study of flying by camera says of starts, and of time."""
+"""What the study of flying by camera says of starts and of time, and what it deprives policies of."""
 
 from contextlib import closing
 
@@ -9,6 +9,8 @@ import aerial_il
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import Targets
+from aerial_il.policies.perception.tracker import Measurement, Tracker
+from experiments.pixels.changes import CHANGES
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 from tests.experiments.results import result_with
 from tests.links.test_fly import fresh_policy
@@ -54,3 +56,28 @@ def test_times_are_of_one_world(cell) -> None:
     ) as env:
         row = row_of_times(env, policy, 3, 40)
     assert 0.0 < row["act_median_ms"] <= row["act_p99_ms"] < row["both_p99_ms"]
+
+
+def test_policies_are_deprived_of_what_is_said(cell) -> None:
+    env, policy = cell
+    first, second = (CHANGES[f"{which} camera alone"](policy) for which in ("first", "second"))
+    assert [each.image for one in (first, second) for each in one.eyes.cameras] == [*IMAGES]
+    assert (CHANGES["10 Hz"](policy).every, CHANGES["the last look alone"](policy).every) == (5, policy.every)
+    obs = env.reset(5)
+    dark = {name: np.zeros_like(obs[name]) for name in IMAGES}
+    for one, unseen in ((first, "base_rgb"), (second, "wrist_rgb")):
+        whole, half = (one.fresh().estimate(obs | other)["target_rot6d"] for other in ({}, {unseen: dark[unseen]}))
+        np.testing.assert_array_equal(whole, half, "it looks through the other camera")
+        assert not np.array_equal(whole, one.fresh().estimate(obs | dark)["target_rot6d"])
+
+
+def test_of_the_last_look_alone_none_before_is_left(cell) -> None:
+    """Whatever was told before, a look counts as the first one does."""
+    _, policy = cell
+    place = next(each for each in policy.eyes.targets.estimated if each.field == "target_pos")
+    tracker, every = Tracker([place], CHANGES["the last look alone"](policy).forget), np.ones(1, bool)
+    tracker.begin(every)
+    for where in (0.0, 0.0, 0.0, 0.1):
+        tracker.fade(every)
+        tracker.tell(place.field, every, Measurement(place.centre[None] + where, np.full((1, 3, 3), 1e-6) * np.eye(3)))
+    np.testing.assert_allclose(tracker.estimate(place.field)[0], place.centre + 0.1, atol=2e-3)

@@ -100,6 +100,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("imitation", {"flown_in": ("storm",)}, "storm"),
     ("learning_curve", {"sizes": ()}, "start at 1"),
     ("pixels", {"cameras": ()}, "arms and cameras"),
+    ("pixels", {"changes": ("blind",)}, "images blanked"),
     ("policies", {"calls": 0}, "calls is 0"),
     ("policies", {"policies": ("mpl",)}, "Did you mean 'mlp'"),
     ("recording", {"num_envs": 0}, "got 0, "),

@@ -25,6 +25,7 @@ from aerial_il.core.composition import build
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
+from experiments.pixels.changes import CHANGES
 from experiments.pixels.study import ARMS
 from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
@@ -129,6 +130,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "cloning": BC(steps=2, batch_size=4, validation=0.0),
         "asking": DAgger(rounds=1, episodes=1, between_steps=2, evaluate_every=0),
         "arms": ARMS,
+        "changes": tuple(CHANGES),
         "tasks": ("press_button",),
         "flown_in": ("calm",),
         "demos": 2,
