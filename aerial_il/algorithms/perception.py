@@ -79,6 +79,8 @@ class Perception:
         frames: of the demonstrations. redrawn: of theirs with the objects elsewhere. flown: of the flights of a round.
         rounds: of its own flights. episodes: flights in each.
         every: control steps of 20 ms from one look to the next. forget: share of what is known that a look keeps.
+        execute: control steps that the newest chunk of actions is flown for, without the mean over older ones, which
+            were asked for when less was known; 0: as ``policy.execute`` and ``policy.ensemble`` have it.
         validation: share of the demonstrations of which no frame is learned from.
         evaluate_every: rounds between two evaluations; 0 for none.
         device: torch device that the networks of the cameras are trained on; that of the state has ``training.device``.
@@ -107,6 +109,7 @@ class Perception:
     episodes: int = 100
     every: int = 2
     forget: float = 0.9
+    execute: int = 4
     validation: float = 0.05
     evaluate_every: int = 0
     device: str = "cpu"
@@ -116,7 +119,7 @@ class Perception:
     def __post_init__(self) -> None:
         require_positive(self, "steps", "more_steps", "batch_size", "lr", "clip_norm", "width", "frames", "every")
         require_positive(self, "episodes", "threads", "forget")
-        require_not_negative(self, "redrawn", "flown", "rounds", "weight_decay", "evaluate_every")
+        require_not_negative(self, "redrawn", "flown", "rounds", "weight_decay", "evaluate_every", "execute")
         require_share(self, "ema", "validation", below_one=True)
         require_share(self, "forget")
 
@@ -160,7 +163,8 @@ class Perception:
         check_cameras(demos[0], env.model, policy.images)  # type: ignore[arg-type]
         told = tuple(name for name in policy.masked_fields if name != TO_BE_SEEN)
         state = replace(policy, images=(), masked_fields=told)
-        pilot = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
+        clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
+        pilot = clone if self.execute == 0 else flying_its_newest(clone, self.execute)
         described = {"algorithm": self.name, "seed": seed, "settings": plain(self), "policy": policy.to_dict()}
         described |= {"demonstrations": [demo.uid for demo in demos]}
         with RunFolder.open(run, described, cadence=CADENCE, resume=resume) as folder, torch_threads(self.threads):
@@ -169,6 +173,12 @@ class Perception:
             if not resume:
                 shutil.rmtree(run / FLIGHTS, ignore_errors=True)
             return _Run(self, folder, env, collect, pilot, policy.images, demos, seed, progress).finish(evaluate)
+
+
+def flying_its_newest(policy: ChunkPolicy, steps: int) -> ChunkPolicy:
+    """Return a policy that flies its newest chunk alone, for ``steps`` or all of it, before it predicts again."""
+    config = replace(policy.config, execute=min(steps, policy.config.chunk), ensemble=None)
+    return ChunkPolicy(config, policy.interface, policy.network, policy.origin)
 
 
 def _without_images(demo: Episode) -> Episode:
