@@ -11,6 +11,7 @@ LATER = {
     ("BC", "auxiliary"): 0.0,
     ("DAgger", "stale_rounds"): 0,
     ("Perception", "device"): "cpu",
+    ("Perception", "execute"): 0,
     ("Out", "lead"): 0,
 }
 

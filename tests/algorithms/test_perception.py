@@ -79,6 +79,16 @@ def test_flies_on_what_it_sees_and_repeats_itself_from_disk(shown, tmp_path):
         np.testing.assert_array_equal(policy.act(lied), again.act({**lied, "button_pos": lied["button_pos"] - 7.0}))
 
 
+@pytest.mark.parametrize(
+    ("steps", "flown"),
+    [(SMALL.execute, (4, None)), (99, (POLICY.chunk, None)), (0, (POLICY.execute, POLICY.ensemble))],
+)
+def test_it_flies_its_newest_chunk_unless_the_policy_is_to_decide(shown, tmp_path, steps, flown):
+    policy = trained(shown, tmp_path / "run", replace(SMALL, rounds=0, execute=steps))
+    for each in (policy, aerial_il.load_policy(tmp_path / "run"), policy.fresh()):
+        assert (each.config.execute, each.config.ensemble) == flown
+
+
 def test_killed_between_rounds_it_ends_with_the_same_policy(shown, tmp_path, monkeypatch):
     whole = trained(shown, tmp_path / "whole")
     with monkeypatch.context() as slow:
