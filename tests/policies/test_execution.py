@@ -129,6 +129,7 @@ def test_chunks_are_flown_in_time_by_each_world_alone(chunks: str) -> None:
         ("mlp", {"chunks": "realtime"}, "chunks=realtime needs a policy that denoises"),
         ("diffusion", {"chunks": "dropped", "delay_ms": 200}, r"10 steps must lie in \[0, 4\]"),
         ("diffusion", {"chunks": "dropped", "delay_ms": 30}, "multiple of the control step"),
+        ("mlp", {"newest": 99}, r"execute is 99; it must lie in \[1, "),
     ],
 )
 def test_what_cannot_be_flown_so_is_refused(name: str, told: dict[str, object], said: str) -> None:
@@ -136,7 +137,16 @@ def test_what_cannot_be_flown_so_is_refused(name: str, told: dict[str, object], 
         fresh_policy(name).executing(Execution(**told))
 
 
-@pytest.mark.parametrize("told", [{"delay_ms": -20}, {"guidance": -1.0}, {"chunks": "fast"}])
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"delay_ms": -20},
+        {"guidance": -1.0},
+        {"chunks": "fast"},
+        {"newest": -1},
+        {"newest": 4, "chunks": "realtime"},
+    ],
+)
 def test_settings_that_cannot_be_are_refused(told: dict[str, object]) -> None:
     with pytest.raises(InvalidValueError):
         Execution(**told)
@@ -148,3 +158,24 @@ def test_an_execution_as_trained_flies_as_before() -> None:
     before, after = fresh_policy("diffusion"), fresh_policy("diffusion").executing(Execution())
     for _ in range(6):
         np.testing.assert_array_equal(before.act(obs), after.act(obs))
+
+
+def test_the_newest_chunk_alone_can_be_flown_by_a_policy_that_takes_the_mean() -> None:
+    """It asks again when so many actions were flown, and flies them as they were told."""
+    env, steps = PointMassBatch(2), 3
+    mean, newest = fresh_policy("mlp"), fresh_policy("mlp").executing(Execution(newest=steps))
+    assert mean.config.ensemble is not None
+    differing = False
+    for step in range(7):
+        obs = env.reset(step)
+        if step % steps == 0:
+            question = newest.look(obs)
+            assert question is not None
+            chunk = newest.think(question)
+            newest.plan(question, chunk)
+        else:
+            assert newest.look(obs) is None
+        flown = newest.next()
+        np.testing.assert_array_equal(flown, newest.spec.action.clip(chunk[:, step % steps].astype(np.float64)))
+        differing |= not np.array_equal(flown, mean.act(obs))
+    assert differing

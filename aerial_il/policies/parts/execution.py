@@ -1,4 +1,4 @@
-"""How chunks are flown on a robot with latency: settings of a flight, which no weight depends on.
+"""How chunks are flown: settings of a flight, which no weight depends on.
 
 A chunk begins with the action for the moment that the observation shows. With a latency of d control steps, its first d
 actions come too late: they belong to what has been sent already.
@@ -25,17 +25,24 @@ class Execution:
 
     Attributes:
         chunks: with latency: plain, dropped or realtime.
+        newest: control steps that the newest chunk is flown for before the next one, without the mean over older ones;
+            0: as the policy was trained to.
         delay_ms: the latency that chunks are flown for (null: that of the robot).
         guidance: how strongly denoising is led to what the robot can follow; 0: not at all, 1.5 in the source.
     """
 
     chunks: Chunks = "plain"
+    newest: int = 0
     delay_ms: float | None = None
     guidance: float = 0.0
 
     def __post_init__(self) -> None:
         require_choice(self, "chunks", Chunks)
-        require_not_negative(self, "guidance", *(["delay_ms"] if self.delay_ms is not None else []))
+        require_not_negative(self, "guidance", "newest", *(["delay_ms"] if self.delay_ms is not None else []))
+        if self.newest and self.chunks == "realtime":
+            raise InvalidValueError(
+                "execution.chunks=realtime flies half of each chunk: execution.newest has no effect with it."
+            )
         if self.delay_ms is not None and self.chunks == "plain":
             raise InvalidValueError(
                 "execution.delay_ms has no effect with execution.chunks=plain. Valid with it: dropped, realtime."

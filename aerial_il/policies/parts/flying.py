@@ -187,8 +187,8 @@ class FlyingPolicy(ABC):
             thinking: control steps from :meth:`look` to :meth:`plan`, in which it goes on as it had planned.
 
         Raises:
-            InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, or the
-                network does not denoise, where it is to be led.
+            InvalidValueError: the delay is no whole number of control steps or leaves too little of a chunk, a chunk
+                is shorter than what is to be flown of it, or the network does not denoise, where it is to be led.
         """
         config, again = self.config, self.fresh()
         delay_ms = latency.total_ms if execution.delay_ms is None else execution.delay_ms
@@ -197,7 +197,8 @@ class FlyingPolicy(ABC):
         if (realtime or led) and not self.can_be_led:
             asked = "execution.chunks=realtime" if realtime else f"execution.guidance={execution.guidance:g}"
             raise InvalidValueError(f"{asked} needs a policy that denoises (diffusion, flow); this is {config.name}.")
-        execute, ensemble = (config.chunk // 2, None) if realtime else (config.execute, config.ensemble)
+        newest = config.chunk // 2 if realtime else execution.newest
+        execute, ensemble = (newest, None) if newest else (config.execute, config.ensemble)
         delay = 0 if execution.chunks == "plain" else steps + thinking
         spare = config.chunk - delay - max(1, execute)
         if thinking > max(0, spare):
