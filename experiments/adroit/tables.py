@@ -13,11 +13,11 @@ import numpy as np
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import Interval, bootstrap_mean, newcombe, t_interval, wilson
+from aerial_il.evaluation.statistics import bootstrap_mean, newcombe, t_interval, wilson
 from experiments.adroit.tasks import TASKS, AdroitTask
 from experiments.common.report import Row, Target
 from experiments.common.stages import own_time_s, spent_s, steps_of
-from experiments.common.success import success_target
+from experiments.common.success import interval_ends, success_target
 
 MANY = 100
 SCORES = {"door": 103.0, "relocate": 88.0}  # of cloning from 100 demonstrations
@@ -86,17 +86,12 @@ def _numbers(task: str, found: Sequence[Flown]) -> Row:
     success, score = wilson(count, flights), bootstrap_mean(scores.ravel(), rng=named_rng(0, "adroit score"))
     return {
         "success": count, "episodes": flights, "percent": round(100 * count / flights, 1),
-        **interval_ends("ci95", success, 100), **interval_ends("trainings", t_interval(np.mean(solved, axis=1)), 100),
+        **interval_ends("ci95", success, scale=100),
+        **interval_ends("trainings", t_interval(np.mean(solved, axis=1)), scale=100),
         "score": round(float(scores.mean()), 1), **interval_ends("score", score),
         **interval_ends("score_trainings", t_interval(scores.mean(axis=1))), "return": round(float(returns.mean()), 1),
         "own_return": round(float(np.mean([value for one in found for value in one.own_returns])), 1),
     }  # fmt: skip
-
-
-def interval_ends(name: str, found: Interval, scale: float = 1.0) -> Row:
-    known = np.isfinite(found.lo)
-    ends = {"low": found.lo, "high": found.hi}
-    return {f"{name}_{end}": round(scale * value, 1) if known else None for end, value in ends.items()}
 
 
 def expert_row(task: str, found: Flown) -> Row:

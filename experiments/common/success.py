@@ -122,11 +122,16 @@ def _alike(tasks: Mapping[str, Sequence[EvaluationResult]]) -> Iterable[Sequence
     return tasks.values()
 
 
+def interval_ends(name: str, found: Interval, *, scale: float = 1.0, digits: int = 1) -> Row:
+    """Return both ends, scaled and rounded, as ``NAME_low`` and ``NAME_high``; None where there is no interval."""
+    known = math.isfinite(found.lo)
+    ends = {"low": found.lo, "high": found.hi}
+    return {f"{name}_{end}": round(float(scale * value), digits) if known else None for end, value in ends.items()}
+
+
 def _interval(name: str, found: Interval) -> Row:
     """Return both ends within [0, 100] %, None where there is no interval."""
-    known = math.isfinite(found.lo)
-    ends = (max(0.0, found.lo), min(1.0, found.hi)) if known else (None, None)
-    return {f"{name}_{end}": None if x is None else _percent(x) for end, x in zip(("low", "high"), ends, strict=True)}
+    return interval_ends(name, Interval(*np.clip(found, 0.0, 1.0)), scale=100)
 
 
 def gain_row(name: str, rates: np.ndarray, others: np.ndarray) -> Row:

@@ -11,8 +11,9 @@ import numpy as np
 from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import Interval, bootstrap_mean, t_interval, wilson
+from aerial_il.evaluation.statistics import bootstrap_mean, t_interval, wilson
 from experiments.common.report import Row, Target
+from experiments.common.success import interval_ends
 
 RATIOS = {"Hopper-v5": 0.95, "HalfCheetah-v5": 0.87}
 SUCCESS_PERCENT = {"reach": 90.0}
@@ -35,7 +36,7 @@ def ratio(trainings: Sequence[Sequence[float]], expert: EvaluationResult) -> Row
         "ratio": round(float(flights.mean()) / best, 3),
         "ratio_low": round(low / best, 3),
         "ratio_high": round(high / best, 3),
-        **interval_ends("trainings", t_interval(np.array(own))),
+        **interval_ends("trainings", t_interval(np.array(own)), digits=3),
         "each": " ".join(f"{value:.3f}" for value in own),
     }
 
@@ -90,11 +91,6 @@ def peer_rows(folder: Path, experts: Mapping[str, EvaluationResult]) -> list[Row
             }
         )
     return rows
-
-
-def interval_ends(name: str, found: Interval) -> Row:
-    known = np.isfinite(found.lo)
-    return {f"{name}_low": round(found.lo, 3) if known else None, f"{name}_high": round(found.hi, 3) if known else None}
 
 
 def targets(rows: Sequence[Row], clones: Mapping[str, Row]) -> Iterator[Target]:

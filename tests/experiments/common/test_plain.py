@@ -17,15 +17,16 @@ from experiments.generation.study import Out
 
 CELL = Source(robot="quad", task="hover")
 CLASSES = {"BC": BC, "DAgger": DAgger, "Perception": Perception, "Out": partial(Out, CELL)}
-OTHER = {"auxiliary": 0.5, "stale_rounds": 2, "device": "cuda", "lead": 5}
+OTHER = {"auxiliary": 0.5, "stale_rounds": 2, "device": "cuda", "execute": 4, "lead": 5}
 
 
 @pytest.mark.parametrize(("kind", "name"), LATER)
 def test_what_came_later_counts_only_where_it_changes_something(kind: str, name: str):
+    before: Any = {name: LATER[kind, name]}
+    changed: Any = {name: OTHER[name]}
     settings = CLASSES[kind]()
     assert name in {each.name for each in fields(settings)}
-    assert name not in plain(settings)
-    changed: Any = {name: OTHER[name]}
+    assert name not in plain(replace(settings, **before))
     assert plain(replace(settings, **changed))[name] == OTHER[name]
 
 
