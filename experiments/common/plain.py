@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
-# Settings that came later, with the values at which all is as it was without them: records from before still count,
-# under the name of these values where the default is another.
+# Settings that came later, with the values at which all is as it was without them: records from before count as these.
 LATER = {
     ("BC", "auxiliary"): 0.0,
     ("DAgger", "stale_rounds"): 0,
