@@ -64,17 +64,19 @@ def _one_of(eyes: Eyes, camera: int) -> Eyes:
     return one
 
 
-def misled(policy: PerceivingPolicy, *, frozen: bool) -> Policy:
-    """Return a policy that is shown black images, or the first ones."""
-    return Misled(policy, [camera.image for camera in policy.eyes.cameras], frozen=frozen)
-
-
-CHANGES: Mapping[str, Callable[[PerceivingPolicy], Policy]] = {
-    BLANK: partial(misled, frozen=False),
-    FROZEN: partial(misled, frozen=True),
+CONTROLS = (BLANK, FROZEN)  # of any policy that looks
+DEPRIVED: Mapping[str, Callable[[PerceivingPolicy], PerceivingPolicy]] = {
     "first camera alone": partial(deprived, camera=0),
     "second camera alone": partial(deprived, camera=1),
     "10 Hz": partial(deprived, every=5),
     "the last look alone": partial(deprived, forget=NOTHING_KEPT),
 }
-CONTROLS = (BLANK, FROZEN)
+CHANGES = (*CONTROLS, *DEPRIVED)
+
+
+def changed(policy: Policy, change: str, images: Sequence[str]) -> Policy:
+    """Return a policy that looks at ``images``, deprived as ``change``, one of ``CHANGES``, says."""
+    if change in CONTROLS:
+        return Misled(policy, images, frozen=change == FROZEN)
+    assert isinstance(policy, PerceivingPolicy)
+    return DEPRIVED[change](policy)

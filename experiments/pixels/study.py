@@ -41,12 +41,13 @@ from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Asked, Cloned, Shown, Stages, all_that_decides, judged_once
 from experiments.common.success import failed_seeds, macro_row, pooled_row
-from experiments.pixels.changes import BLANK, CHANGES, CONTROLS
+from experiments.pixels.changes import BLANK, CHANGES, CONTROLS, changed
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
 TOLD, ASKED = "end to end, auxiliary loss", "end to end, dagger"
 UNMOVED = "perception, no redrawn scenes"
+SEEING = (FLOWN, SHOWN, UNMOVED)
 AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
 ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED)
 TASKS = (
@@ -160,9 +161,14 @@ class Pixels:
         for names, valid, what in ((self.arms, ARMS, "arm"), (self.changes, CHANGES, "change")):
             for name in names:
                 if name not in valid:
-                    raise UnknownNameError(what, name, [*valid])
+                    raise UnknownNameError(what, name, valid)
         if min(self.demos, self.episodes, *self.sizes) < 1 or not (self.draws and self.arms and self.cameras):
             raise InvalidValueError("demos, sizes and episodes start at 1; there are draws, arms and cameras.")
+        if (lost := {*self.changes} - {*CONTROLS}) and self.arms[0] not in SEEING:
+            raise InvalidValueError(
+                f"{', '.join(sorted(lost))}: only policies with eyes can be deprived of it, and the first arm is "
+                f"{self.arms[0]!r}. Begin with one of {', '.join(SEEING)}, or leave {', '.join(CONTROLS)}."
+            )
         check_seeds(self.first_episode, self.episodes)
 
     def run(self, folder: Path, *, progress: bool = True) -> Report:
@@ -264,7 +270,7 @@ class Pixels:
                 f"{training.label}/{flight.tier}-{flight.changed.split()[0]}",
                 {"training": training.decided_by(), **where},
             ),
-            lambda: CHANGES[flight.changed](_eyed(stages, flight)),
+            lambda: changed(stages.policy(training), flight.changed, self.cameras),
             lambda: stages.environment(training.source, flight.tier, min(self.num_envs, len(seeds))),
             seeds,
             name=training.label,

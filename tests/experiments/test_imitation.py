@@ -23,7 +23,7 @@ from experiments.human_data.study import TEACHERS, ClonedDriver, HumanData
 from experiments.imitation import study as imitation
 from experiments.imitation.study import Flight, Imitation
 from experiments.pixels import study as pixels
-from experiments.pixels.changes import Misled
+from experiments.pixels.changes import CONTROLS, changed
 from tests.experiments.results import result_with
 
 ROBOTS = ("fa_hexa_arm4", "ua_quad_arm4", "big_four_z1")
@@ -195,7 +195,7 @@ def test_misled_policies_see_what_they_are_shown() -> None:
         def reset(self, mask: np.ndarray | None = None) -> None: ...
 
     frames = [np.full((2, 4, 4, 3), value, np.uint8) for value in (10, 20, 30)]
-    black, frozen = (Misled(Looks(), ("wrist_rgb",), frozen=each) for each in (False, True))
+    black, frozen = (changed(Looks(), each, ("wrist_rgb",)) for each in CONTROLS)
     assert all(black.act({"wrist_rgb": frame}).max() == 0.0 for frame in frames)
     assert [frozen.act({"wrist_rgb": frame}).tolist() for frame in frames] == [[[10.0], [10.0]]] * 3
     frozen.reset(np.array([False, True]))

@@ -10,7 +10,7 @@ from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import Targets
 from aerial_il.policies.perception.tracker import Measurement, Tracker
-from experiments.pixels.changes import CHANGES
+from experiments.pixels.changes import DEPRIVED
 from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows_of_starts
 from tests.experiments.results import result_with
 from tests.links.test_fly import fresh_policy
@@ -60,9 +60,9 @@ def test_times_are_of_one_world(cell) -> None:
 
 def test_policies_are_deprived_of_what_is_said(cell) -> None:
     env, policy = cell
-    first, second = (CHANGES[f"{which} camera alone"](policy) for which in ("first", "second"))
+    first, second = (DEPRIVED[f"{which} camera alone"](policy) for which in ("first", "second"))
     assert [each.image for one in (first, second) for each in one.eyes.cameras] == [*IMAGES]
-    assert (CHANGES["10 Hz"](policy).every, CHANGES["the last look alone"](policy).every) == (5, policy.every)
+    assert (DEPRIVED["10 Hz"](policy).every, DEPRIVED["the last look alone"](policy).every) == (5, policy.every)
     obs = env.reset(5)
     dark = {name: np.zeros_like(obs[name]) for name in IMAGES}
     for one, unseen in ((first, "base_rgb"), (second, "wrist_rgb")):
@@ -75,7 +75,7 @@ def test_of_the_last_look_alone_none_before_is_left(cell) -> None:
     """Whatever was told before, a look counts as the first one does."""
     _, policy = cell
     place = next(each for each in policy.eyes.targets.estimated if each.field == "target_pos")
-    tracker, every = Tracker([place], CHANGES["the last look alone"](policy).forget), np.ones(1, bool)
+    tracker, every = Tracker([place], DEPRIVED["the last look alone"](policy).forget), np.ones(1, bool)
     tracker.begin(every)
     for where in (0.0, 0.0, 0.0, 0.1):
         tracker.fade(every)

@@ -101,6 +101,7 @@ CASES: list[tuple[str, dict[str, Any], str]] = [
     ("learning_curve", {"sizes": ()}, "start at 1"),
     ("pixels", {"cameras": ()}, "arms and cameras"),
     ("pixels", {"changes": ("blind",)}, "images blanked"),
+    ("pixels", {"arms": ("end to end",), "changes": ("10 Hz",)}, "only policies with eyes"),
     ("policies", {"calls": 0}, "calls is 0"),
     ("policies", {"policies": ("mpl",)}, "Did you mean 'mlp'"),
     ("recording", {"num_envs": 0}, "got 0, "),

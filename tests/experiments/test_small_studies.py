@@ -130,7 +130,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "cloning": BC(steps=2, batch_size=4, validation=0.0),
         "asking": DAgger(rounds=1, episodes=1, between_steps=2, evaluate_every=0),
         "arms": ARMS,
-        "changes": tuple(CHANGES),
+        "changes": CHANGES,
         "tasks": ("press_button",),
         "flown_in": ("calm",),
         "demos": 2,
