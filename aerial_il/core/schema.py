@@ -11,6 +11,7 @@ import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from functools import cache
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from aerial_il.core import presets, registry
@@ -90,7 +91,8 @@ def keys(kind: type, *, base: Any = None, at: str = "") -> Iterator[Key]:
         yield Key(f"{at}{FROM}", "null", inspect.cleandoc(like.__doc__ or ""), "text", nullable=True)
 
 
-def meanings(kind: type) -> dict[str, str]:
+@cache
+def meanings(kind: type) -> Mapping[str, str]:
     """Return what the docstrings of ``kind`` and of its bases say of each setting."""
     meant: dict[str, str] = {}
     for each in reversed(kind.__mro__):
@@ -133,7 +135,8 @@ def shown(default: Any, kind: str = "") -> str:
     return str(default).lower() if isinstance(default, bool) else "null" if default is None else str(default)
 
 
-def hints_of(kind: type) -> dict[str, Any]:
+@cache
+def hints_of(kind: type) -> Mapping[str, Any]:
     """Return the declared types of a dataclass, with what they are annotated with."""
     return typing.get_type_hints(kind, include_extras=True)
 

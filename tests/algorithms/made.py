@@ -29,6 +29,7 @@ def made(cls: type[Any], values: Mapping[str, Any], base: Any = None) -> Any:
     return build(cls, tree, base=base)
 
 
+@cache
 def names(cls: type[Any]) -> frozenset[str]:
     """Return the dotted names of all settings of ``cls``, and of its groups."""
     return frozenset(key.name for key in keys(cls)) | {field.name for field in fields(cls)}

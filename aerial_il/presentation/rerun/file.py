@@ -62,14 +62,13 @@ class FlightFile:
         """Yield a stream whose recording stands in the file in the end; layouts are kept by ``application``."""
         part = Path(self._folder.name) / f"{len(self._parts):06d}.rrd"
         stream = rr.RecordingStream(application, recording_id=name)
-        stream.save(part)
+        sent = stream.binary_stream()  # not stream.save(): on a full disk rerun's own writer can wait for ever
         stream.send_recording_name(name)
         yield stream
         try:
-            stream.flush()
-            stream.disconnect()
-        except RuntimeError as error:  # rerun's writer has ended: it says no more
-            raise StorageError(self.path, OSError(str(error)), "Make room and run the same command again.") from error
+            part.write_bytes(sent.read() or b"")  # read twice it would be two recordings
+        except OSError as error:
+            raise StorageError(self.path, error, "Make room and run the same command again.") from error
         self._parts.append(part)
 
     def _whole(self) -> Path:
