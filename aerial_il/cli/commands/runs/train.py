@@ -7,7 +7,7 @@ beside TensorBoard are extras: tracker=[tensorboard,wandb], after pip install 'a
 Several values are a sweep, e.g. seed=0,1,2 --multirun: one run per value in RUN/seed=0 and so on; `aerial-il report
 RUN` shows them all together.
 
-Demonstrations that a person flew are relabelled and seen from the tool, which a line says: see docs/teleop.md.
+Demonstrations that a person flew are relabelled and seen from the tool, which a line says: see docs/take_over.md.
 dataset.by_hand=false learns from them as recorded, true takes any recording for one by hand.
 
 The keys of a policy and an algorithm: aerial-il train policy=act algorithm=dagger --help. A policy class is trained
