@@ -156,7 +156,7 @@ def told(name):
 print(told("expert"), told("clone"), sep="\n")
 
 # %% [markdown]
-# How far are these flights from what was demonstrated? Each observation (without the velocities) is scaled by its deviation over the demonstrations; the measure
+# How far are these flights from what was demonstrated? Each observation (without velocities and forces) is scaled by its deviation over the demonstrations; the measure
 # is the distance to the nearest demonstrated observation, per element. New flights of the expert have new starts too, so they
 # are the scale: what exceeds them is the shift.
 

@@ -14,7 +14,7 @@
 #
 # Connect, arm, take off, go somewhere, move the arm, land: a few lines of Python, the same over every link. Here the robot is simulated
 # in this process; over ROS 2 or MAVLink one word changes ([docs/robot_links.md](../docs/robot_links.md)). Then a policy's place is taken
-# by a script of six lines that picks up a cube, and in the end the link gets worse, to see what the robot does by itself.
+# by a short script that picks up a cube, and in the end the link is lost, to see what the robot does by itself.
 
 # %%
 import matplotlib.pyplot as plt

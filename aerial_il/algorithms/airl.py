@@ -5,8 +5,9 @@ The loop and the loss, a cross-entropy, are those of :mod:`aerial_il.algorithms.
     ``logit = f(s, a, s') - log pi(a | s)``,  ``f = g(s, a) + gamma * h(s') - h(s)``,
 
 with the policy's own density pi in it. At the optimum f is the demonstrator's advantage and, where g sees states alone
-(``reward_on: state``) and the dynamics allow it, g its reward up to a constant. The policy's reward is the logit,
-whose density is an entropy bonus; what is kept with the run, and shown along an episode, is g.
+(``reward_on: state``) and the dynamics allow it, g its reward up to a constant. The policy's reward is
+g - log pi, the logit without the shaping by h, which changes no advantage; the density is an entropy bonus, and
+``reward.form`` is that of g. What is kept with the run, and shown along an episode, is g.
 
 It fails where demonstrations are few and the body has many joints (Ant, Walker2d for the peer), and where the density
 of demonstrated actions at the edge of their bounds makes the logit arbitrary.

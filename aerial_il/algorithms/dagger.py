@@ -14,8 +14,8 @@ one file for each, with its source. The loss of the supervised learning in each 
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps``, ``queries``
 (steps that the expert labelled), ``interventions`` (times it took over), ``expert_steps`` (steps it flew), the totals
-of all rounds, and ``evaluate/<name>`` from flights of the learner alone. With somebody at the controls also
-``solved_alone``: flights that were solved and in which they never took over.
+of all rounds, ``beta`` where a coin decides, and ``evaluate/<name>`` from flights of the learner alone. With somebody
+at the controls also ``solved_alone``: flights that were solved and in which they never took over.
 
 Source: S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
 online learning", AISTATS 2011, algorithm 3.1.

@@ -91,7 +91,7 @@ class DART(InteractiveAlgorithm):
         if isinstance(expert, Operator):
             raise InvalidValueError(
                 "dart disturbs the flights of an expert that can be asked at any state, and somebody sits at the "
-                "controls. Say algorithm=hg_dagger, or expert=scripted."
+                "controls. Say algorithm=hg_dagger, or leave expert= out."
             )
         for number in rounds.left():
             metrics: dict[str, float] = {}

@@ -9,7 +9,7 @@ starts that none before it has solved. What is kept, one success for each start,
 ones, and in it no one direction goes along with another any more. Both are then trained on the demonstrations and all
 successes so far.
 
-It needs no critic and no expert; its reward is 1 for success. It ends where no attempt solves what the learner fails.
+It needs no critic and no expert; its reward is 1 for success. What no attempt solves, it cannot learn.
 
 Metrics, one row per round (``step`` is its number): ``flights``, ``flights_solved``, ``flight_steps`` of all attempts;
 ``starts_solved_first``, the share of the round's starts that the first attempt solved; ``starts_solved``, the share

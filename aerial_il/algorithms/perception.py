@@ -2,7 +2,7 @@
 
 1. A policy is cloned from the demonstrations, on the truth.
 2. Behind each camera a network learns to tell, with its uncertainty, where things are: from frames of the
-   demonstrations and from as many in which the objects were moved aside.
+   demonstrations and from others in which the objects were moved aside.
 3. In each round the policy flies on what the networks tell, and they learn on from its own frames, labelled with the
    truth: it meets views that no demonstration has shown.
 
@@ -305,7 +305,7 @@ class _Run:
 
     @cached_property
     def _demonstrated(self) -> list[Mapping[str, np.ndarray]]:
-        """Frames of the demonstrations, and of as many scenes in which the objects are elsewhere."""
+        """Frames of the demonstrations, and of scenes in which the objects are elsewhere."""
         rng, settings = named_rng(self.seed, "frames"), self.settings
         parts = self._frames(self.shown, chosen(self.shown, settings.frames, rng), "frames")
         if settings.redrawn:

@@ -9,7 +9,7 @@ not averaged out, and one decision is one action of PPO, credited with all rewar
 Up to ``warmup`` a critic alone learns the value of the base; afterwards the pull to no shift, ``kl``, and the gate of
 ``bc_ppo`` keep it.
 
-Metrics: those of ``bc_ppo``; ``actor/divergence`` is that from no shift.
+Metrics: those of ``bc_ppo`` without its trial of the clone; ``actor/divergence`` is that from no shift.
 
 Source: T. Johannink et al., "Residual Reinforcement Learning for Robot Control", 2019, equation 2; L. Ankile et al.,
 "From Imitation to Refinement", 2024, section 4: PPO beside a frozen policy of chunks, whose action the residual sees.

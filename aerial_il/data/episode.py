@@ -24,7 +24,7 @@ class Episode:
         expert_actions: (T, Da) what the expert would have done, NaN where nobody was asked.
         is_intervention: (T,) bool, a person or the expert had taken over.
         phase: (T,) int, index into ``provenance["phases"]``, -1 where there is none.
-        rewards: (T,) in [0, 1].
+        rewards: (T,) in [0, 1] in this suite, as they come elsewhere.
         terminated, truncated: (T,) bool, true at most on the last step.
         states: (T + 1, S) float64 full simulator states, before each step and after the last.
         ctrl: (T, nu) actuator controls after each step.

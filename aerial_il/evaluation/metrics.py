@@ -30,7 +30,7 @@ class EpisodeRecord:
         duration_s: simulated time flown.
         time_to_success_s: simulated time to the first success.
         return_: sum of the rewards.
-        mean_reward: mean of the rewards, in [0, 1].
+        mean_reward: mean of the rewards, in [0, 1] in this suite.
         ee_error_mean_m, ee_error_max_m: distance between commanded and actual end effector over the steps; policies
             that command far-away targets fly with a large one.
         effort_mean: mean squared rotor use in [0, 1].

@@ -18,7 +18,7 @@ class Trace:
         seed: seed of the episode.
         success: the task's success held at the last step.
         crash: the environment terminated the episode for a crash. dropped: or because an object is lost for good.
-        reward: (T,) in [0, 1].
+        reward: (T,) in [0, 1] in this suite.
         ee_error_m: (T,) distance between commanded and actual end effector; NaN where none is commanded.
         effort: (T,) mean squared rotor use in [0, 1].
         contacts: (T,) number of unwanted contacts.

@@ -211,4 +211,4 @@ def _advice(sources: list[Source], settings: Generate) -> str:
         return f"raise force={settings.force:g} if they pressed too hard, as {why} says."
     if settings.robot not in (None, robot):
         return f"they were made for {settings.robot} out of flights of {robot}. Record one with {settings.robot}."
-    return f"look at one with aerial-il view {settings.out}, or take another source."
+    return f"look at one with aerial-il view recording={settings.out}, or take another source."

@@ -1,9 +1,13 @@
 """Conditions are read as Python and never run; what is refused is named."""
 
+from pathlib import Path
+
 import pytest
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.data.curation.selection import select
 from aerial_il.data.curation.where import LONGEST, Where
+from aerial_il.data.dataset import open_dataset
 
 ROW = {"uid": "a", "success": True, "seconds": 4.5, "steps": 225, "operator": "ana", "return": 80.0, "score": None}
 ORIGIN = {"settings": {"noise": 0.3, "deep": {"er": 2}}, "mujoco": "3.3", "phases": ["reach", "grasp"]}
@@ -82,3 +86,9 @@ def test_what_cannot_be_said_of_a_row_is_refused(text: str) -> None:
 def test_an_unknown_name_is_named_with_the_valid_ones(text: str, said: str) -> None:
     with pytest.raises(UnknownNameError, match=said):
         Where.parse(text).require(ROW, ORIGIN)
+
+
+def test_flights_without_a_note_can_be_asked_for_their_note(dataset: Path) -> None:
+    assert len(select(open_dataset(dataset, failures=True), "'pressed with' not in note")) == 12
+    with pytest.raises(InvalidValueError, match="holds for none of 12"):
+        select(open_dataset(dataset, failures=True), "'pressed with' in note")

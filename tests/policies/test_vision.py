@@ -157,7 +157,7 @@ def test_depth_is_seen_in_metres_up_to_a_limit(tmp_path: Path) -> None:
 def test_images_without_colour_or_not_recorded_are_refused() -> None:
     with pytest.raises(UnknownNameError, match=r"Unknown colour or depth image 'wrist_depth'.*Record it"):
         Layout.of(SEEN, MLP(images=("wrist_depth",)))
-    with pytest.raises(InvalidValueError, match=r"is an image\. Name it in images"):
+    with pytest.raises(InvalidValueError, match=r"is an image\. Name it in policy.images"):
         Layout.of(SEEN, MLP(obs_names=("ee_pos", "wrist_rgb")))
     with pytest.raises(InvalidValueError, match="10 x 10 after crop"):
         fresh_policy(crop=0.5)

@@ -52,10 +52,14 @@ def fit_risk(flights: Sequence[Episode], learner: ChunkPolicy, *, seed: int) -> 
         InvalidValueError: there are no flights, or the learner sees no state.
     """
     if not flights:
-        raise InvalidValueError("Risk is learned from flights of the learner alone; there is none. Raise alone.")
+        raise InvalidValueError(
+            "Risk is learned from flights of the learner alone; there is none. Raise algorithm.gate.alone."
+        )
     interface = learner.interface
     if not interface.layout.names:
-        raise InvalidValueError("Risk is learned from state fields; the policy sees images alone. Set gate.risk=false.")
+        raise InvalidValueError(
+            "Risk is learned from state fields; the policy sees images alone. Set algorithm.gate.risk=false."
+        )
     frames = interface.layout.flatten(seen_in(flights, interface.layout.names))
     inputs = tensor(inputs_of(interface, frames, np.concatenate([f.actions for f in flights])))
     failed = torch.from_numpy(np.repeat([float(not f.success) for f in flights], [len(f) for f in flights])).float()

@@ -82,7 +82,9 @@ class Rounds:
                 holds another run, and whatever supervised learning refuses.
         """
         if problem.expert is None and "expert" in problem.settings.needs:
-            raise InvalidValueError(f"{problem.settings.name} asks an expert, and there is none. Try expert=scripted.")
+            raise InvalidValueError(
+                f"{problem.settings.name} asks an expert, and the task has none. Name one: expert=module:factory."
+            )
         spec = problem.env.spec
         _, demos = read_demos((as_shown(episode, spec) for episode in dataset), problem.policy)
         check_same(demos[0].spec, spec)

@@ -21,12 +21,16 @@ def require_device(name: str) -> None:
     try:
         device = torch.device(name)
     except RuntimeError as error:
-        raise InvalidValueError(f"device={name} is none that torch knows. Use cpu, cuda or cuda:1.") from error
+        raise InvalidValueError(
+            f"algorithm.device={name} is none that torch knows. Use cpu, cuda or cuda:1."
+        ) from error
     count = torch.cuda.device_count()
     if device.type == "cuda" and not count:
-        raise InvalidValueError(f"device={name} needs a GPU that torch can use; there is none here. Use device=cpu.")
+        raise InvalidValueError(
+            f"algorithm.device={name} needs a GPU that torch can use; there is none here. Use algorithm.device=cpu."
+        )
     if device.type == "cuda" and (device.index or 0) >= count:
-        raise InvalidValueError(f"device={name}: there are {count} GPUs here, counted from 0.")
+        raise InvalidValueError(f"algorithm.device={name}: there are {count} GPUs here, counted from 0.")
 
 
 def precision(device: str, *, mixed: bool) -> torch.autocast:

@@ -57,5 +57,6 @@ def named(dataset: Dataset, uids: Collection[str]) -> list[Row]:
 
 
 def _origin(dataset: Dataset, uid: str) -> Mapping[str, Any]:
+    """Return the provenance of an episode, with a note even where it has none."""
     file = dataset.files.get(uid)
-    return dataset[uid].provenance if file is None else read_origin(file)
+    return {"note": "", **(dataset[uid].provenance if file is None else read_origin(file))}

@@ -10,7 +10,7 @@ topic                  type                        content
 ``/tf``                TFMessage                   the same poses as a tree under ``world``
 ``/action``            JointState                  the commanded action, named
 ``/reward``            Float64MultiArray           one element
-``/<extra>``           JointState                  what else a recorder was numbers to keep, e.g. ``/device``
+``/<extra>``           JointState                  further numbers that it was asked to keep, e.g. ``/device``
 ``/camera/<name>``     CompressedImage             JPEG (RGB) or PNG (depth in mm, segmentation id + 1)
 =====================  ==========================  ==========================================================
 

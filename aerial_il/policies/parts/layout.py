@@ -52,7 +52,7 @@ class Layout:
         for name in self.names:
             if self.spec.observation[name].group == "image":
                 choices = ", ".join(self.spec.observation.state_names)
-                hint = f"Name it in images=[...]; among the columns it can see {choices}."
+                hint = f"Name it in policy.images=[...]; among the columns it can see {choices}."
                 raise InvalidValueError(f"Observation {name!r} is an image. {hint}")
         recorded = tuple(f.name for f in self.spec.observation.fields if f.is_colour or f.is_depth)
         for name in self.images:
@@ -60,9 +60,11 @@ class Layout:
                 hint = "Record it: aerial-il collect cameras=[wrist,base] image_size=[64,64]"
                 raise UnknownNameError("colour or depth image", name, recorded, hint)
         if not {*self.names} - {*self.unseen} and not self.images:
-            raise InvalidValueError("The policy sees neither a state field nor an image. Name some in images.")
+            raise InvalidValueError(
+                "The policy sees neither a state field nor an image. Name some in policy.images=[...]."
+            )
         if self.anchor is not None and self.anchor not in self._positions:
-            raise UnknownNameError("anchor", self.anchor, self._positions, "Or set anchor=null.")
+            raise UnknownNameError("anchor", self.anchor, self._positions, "Or set policy.anchor=null.")
         if self.relative:
             self._check_relative()
 
@@ -184,11 +186,14 @@ class Layout:
     def _check_relative(self) -> None:
         if self.spec.action.level != "ee_pose":
             raise InvalidValueError(
-                f"relative=true needs ee_pose actions; these are {self.spec.action.level}. Set relative=false."
+                f"policy.relative=true needs ee_pose actions; these are {self.spec.action.level}. "
+                "Set policy.relative=false."
             )
         for name in TOOL:
             if name not in self.names:
-                raise UnknownNameError("observation", name, self.names, "relative=true needs it; see obs_names.")
+                raise UnknownNameError(
+                    "observation", name, self.names, "policy.relative=true needs it; see policy.obs_names."
+                )
 
     @cached_property
     def _positions(self) -> tuple[str, ...]:

@@ -27,8 +27,8 @@ class Estimation(Disturbance):
 
     The robot's own pose is shown as the flight controller estimates it, with the errors of ``noise``. Objects are
     seen: each has a pose error of its own, which moves all of it as one, and is seen late. Biases stay the same for an
-    episode, noise is Gauss–Markov; all are standard deviations along or about each axis. ``docs/tiers.md`` has the
-    sources.
+    episode, noise is Gauss–Markov; all are standard deviations along or about each axis. ``docs/disturbances.md``
+    has the sources.
 
     Attributes:
         frame_bias: m, between the frame of the robot's estimate and that in which objects are seen; common to all.

@@ -28,8 +28,8 @@ class Looks(Disturbance):
     """A scene that looks otherwise and is the same: nothing of it can be touched.
 
     Colours of ground and table, lights and their directions are drawn; everything else keeps its hue within
-    2 degrees, and gets lighter or darker. Things that cannot be touched stand on the ground beside the workspace, and
-    walls behind them.
+    2 degrees (4 at a strength of 2), and gets lighter or darker. Things that cannot be touched stand on the ground
+    beside the workspace, and walls behind them.
 
     Attributes:
         strength_of_change: everything changes by so many times what is seen in training; of more than 1, by at least

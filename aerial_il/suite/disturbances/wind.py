@@ -3,7 +3,7 @@
 Profile, length scales and intensities are those of MIL-F-8785C (1980), section 3.7, low altitudes (below 1000 ft), the
 model that MIL-HDBK-1797 repeats. The spectra of the standard become state equations whose discretisation is exact for
 any step. A vehicle that hovers is passed by the frozen field at the speed of the mean wind (Taylor 1938), which takes
-the place of the aircraft's airspeed. ``docs/tiers.md`` has the equations.
+the place of the aircraft's airspeed. ``docs/disturbances.md`` has the equations.
 """
 
 from __future__ import annotations

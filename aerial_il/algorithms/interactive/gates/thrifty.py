@@ -25,11 +25,11 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 class ThriftyGate(GateSettings):
     """ThriftyDAgger: the expert is called where the ensemble disagrees or failure is likely, and soon sent away.
 
-    It takes over where ``novelty > n`` or ``risk > r``, and hands back where the learner's action is near to its own,
-    ``discrepancy < d``, and ``risk <= m``. Only the steps that it flies are queries. The thresholds come from data: n
-    and r are the ``1 - alarms`` quantiles of novelty and risk over the states of the learner's own successful flights
-    (over the labelled episodes where there is none), d is ``agreement`` times the mean discrepancy on the labelled
-    episodes, m the median risk.
+    It takes over where ``novelty > n`` or ``risk > r``, and hands back where neither holds any more, the learner's
+    action is near to its own, ``discrepancy < d``, and ``risk <= m``. Only the steps that it flies are queries. The
+    thresholds come from data: n and r are the ``1 - alarms`` quantiles of novelty and risk over the states of the
+    learner's own successful flights (over the labelled episodes where there is none), d is ``agreement`` times the
+    mean discrepancy on the labelled episodes, m the median risk.
 
     Three things differ from the paper. Risk is not learned by bootstrapping from demonstrations, but as the frequency
     of failure in flights that the learner makes alone and nobody labels (``alone``). The quantiles are taken over
