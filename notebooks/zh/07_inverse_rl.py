@@ -428,7 +428,7 @@ env.close()
 #
 # - 从示范中学到的奖励只确定到相差一个塑形项为止，而且只在示范或飞行到过的地方有意义。使用之前先看一看：`aerial-il reward RUN dataset=...` 沿一次飞行画出它，本篇在一张图上画出它。
 # - 在 `reach` 上，只要不让网络看到机器人在世界中的位置，克隆策略就够用了。研究 [experiments/gail](../../experiments/gail/README.md)（各三次训练，每次飞行 100 次）的结果相同：从克隆策略开始的 GAIL 为 100 %（98.7–100），单独的克隆策略为 100 %（98.7–100），用随机示范的 GAIL 为 0（一次训练）。在 `pick_place` 上二者都没有学会：2.3 %（1.1–4.7）和 1.7 %（0.7–3.8）。
-# - 如果克隆策略*不够*，飞行就有帮助：用十次 Hopper 示范，从克隆策略开始的 DAC（离策略的 GAIL，`algorithm=dac`）达到专家回报的 0.994（对飞行 0.988–0.998，对训练 0.994–0.995），单独的克隆策略为 0.906（0.883–0.928；0.675–1.137）。用随机示范的对照为 0.007（一次训练）。
+# - 如果克隆策略*不够*，飞行就有帮助：用十次 Hopper 示范，从克隆策略开始的 DAC（异策略的 GAIL，`algorithm=dac`）达到专家回报的 0.994（对飞行 0.988–0.998，对训练 0.994–0.995），单独的克隆策略为 0.906（0.883–0.928；0.675–1.137）。用随机示范的对照为 0.007（一次训练）。
 # - 每个结果旁边都要报告克隆策略和对照。[全部算法及其设置](../../docs/adversarial.md)。
 #
 # **出处。** Ng、Harada 与 Russell，"Policy invariance under reward transformations"，*ICML* 1999。Ziebart 等，"Maximum entropy inverse reinforcement learning"，*AAAI* 2008；Ziebart，博士论文，2010。Ho 与 Ermon，"Generative adversarial imitation learning"，*NeurIPS* 2016。Fu、Luo 与 Levine，"Learning robust rewards with adversarial inverse reinforcement learning"，*ICLR* 2018。Kostrikov 等，"Discriminator-actor-critic"，*ICLR* 2019。Orsini 等，"What matters for adversarial imitation learning?"，*NeurIPS* 2021。
