@@ -69,6 +69,7 @@ NOTES = (
     "Starts: in view are flights at whose start every place that is estimated lies within some camera's image, by "
     "geometry: what hides it does not count. Time: one world on one thread, the first task's training of each; render "
     "has a step's physics in it, act goes from images to the action.",
+    "All tasks: of the draws that every task was trained of.",
 )
 
 
@@ -127,7 +128,8 @@ class Pixels:
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
         flown_in: tiers of evaluations. changes: what the first arm is deprived of besides, in the first of them.
-        draws: of demonstrations and weights, one training each. episodes: unseen seeds per evaluation.
+        draws: of demonstrations and weights, one training each. repeated: tasks of which all draws are trained, and of
+            the others the first alone. episodes: unseen seeds per evaluation.
         first_episode: the first of them; 5000 to try settings out. timed: control steps of one world that are timed.
         num_envs: worlds flown at once. threads: of the simulation; 0 for all cores.
     """
@@ -151,6 +153,7 @@ class Pixels:
     flown_in: tuple[str, ...] = ("calm", "gusts")
     changes: tuple[str, ...] = CONTROLS
     draws: tuple[int, ...] = (0, 1, 2)
+    repeated: tuple[str, ...] = tuple(TASK_PERCENT)
     episodes: int = 100
     first_episode: int = EVALUATION_SEED
     timed: int = 500
@@ -181,7 +184,7 @@ class Pixels:
         flights = list(self.planned())
         results = {flight: self._judged(stages, flight) for flight in bar(flights, self.name, progress)}
         usual = {f: r for f, r in results.items() if f.training.demos == self.demos}
-        per_task, macro = [*_per_task(usual, stages)], [*_macro(usual)]
+        per_task, macro = [*_per_task(usual, stages)], [*macro_rows(usual)]
         scaling = [*_per_task(results, stages)] if self.sizes else []
         seeing = {flight: result for flight, result in usual.items() if self._sees(flight)}
         starts = [flight.arm | row for flight, result in seeing.items() for row in self._starts(stages, flight, result)]
@@ -216,6 +219,8 @@ class Pixels:
     def planned(self) -> Iterator[Flight]:
         """Yield what is flown, draw by draw, then fewer and more demonstrations."""
         for draw, arm, task in product(self.draws, self.arms, self.tasks):
+            if draw != self.draws[0] and task not in self.repeated:
+                continue
             training = self._training(arm, task, draw, self.demos)
             for tier in self.flown_in:
                 yield Flight(training, tier)
@@ -332,9 +337,14 @@ def _own_flights(run: Path, demos: int) -> float:
     return last.get("total/episodes", demos + last.get("flights", 0.0)) - demos
 
 
-def _macro(results: Results) -> Iterator[Row]:
+def macro_rows(results: Results) -> Iterator[Row]:
+    """Yield means over tasks, of the draws that all of them have."""
     for arm, found in grouped(results, "sees", "tier", "demos"):
-        yield {**arm, **macro_row({of["task"]: [*flown.values()] for of, flown in grouped(found, "task")})}
+        tasks = {
+            of["task"]: {f.training.source.draw: r for f, r in flown.items()} for of, flown in grouped(found, "task")
+        }
+        shared = sorted(set.intersection(*({*draws} for draws in tasks.values())))
+        yield {**arm, **macro_row({task: [draws[draw] for draw in shared] for task, draws in tasks.items()})}
 
 
 def _target(what: str, wanted: float, row: Row) -> Target:

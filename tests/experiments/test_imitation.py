@@ -187,6 +187,19 @@ def test_flying_by_camera_is_judged_beside_its_controls() -> None:
     }
 
 
+def test_some_tasks_are_trained_more_often_and_the_mean_counts_all_alike() -> None:
+    study = pixels.Pixels(arms=("perception",), flown_in=("calm",), changes=())
+    planned = [*study.planned()]
+    draws = {task: [f.training.source.draw for f in planned if f.training.source.task == task] for task in study.tasks}
+    assert draws == {task: [0, 1, 2] if task in study.repeated else [0] for task in study.tasks}
+    counts = {"insert_peg": (10, 0, 0), "reach": (20,)}
+    results = {
+        f: result_with(20, counts[task][f.training.source.draw]) for f in planned if (task := f.arm["task"]) in counts
+    }
+    (row,) = pixels.macro_rows(results)
+    assert (row["tasks"], row["draws"], row["percent"]) == (2, 1, 75.0)
+
+
 def test_misled_policies_see_what_they_are_shown() -> None:
     class Looks:
         def act(self, obs: Mapping[str, np.ndarray]) -> np.ndarray:
