@@ -127,7 +127,8 @@ class Pixels:
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
-        flown_in: tiers of evaluations. changes: what the first arm is deprived of besides, in the first of them.
+        flown_in: tiers of evaluations. changes: what the first arm's first training is deprived of besides, in the first
+            of them.
         draws: of demonstrations and weights, one training each. repeated: tasks of which all draws are trained, and of
             the others the first alone. episodes: unseen seeds per evaluation.
         first_episode: the first of them; 5000 to try settings out. timed: control steps of one world that are timed.
@@ -224,7 +225,7 @@ class Pixels:
             training = self._training(arm, task, draw, self.demos)
             for tier in self.flown_in:
                 yield Flight(training, tier)
-            if arm == self.arms[0]:
+            if (arm, draw) == (self.arms[0], self.draws[0]):
                 yield from (Flight(training, self.flown_in[0], changed) for changed in self.changes)
         for draw, demos, task in product(self.draws, sorted({*self.sizes} - {self.demos}), self.tasks):
             yield Flight(self._training(self.arms[0], task, draw, demos), self.flown_in[0])
