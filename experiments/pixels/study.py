@@ -127,8 +127,8 @@ class Pixels:
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
-        flown_in: tiers of evaluations. changes: what the first arm's first training is deprived of besides, in the first
-            of them.
+        flown_in: tiers of evaluations. changes: what the first arm's first training is deprived of besides, in
+            the first of them.
         draws: of demonstrations and weights, one training each. repeated: tasks of which all draws are trained, and of
             the others the first alone. episodes: unseen seeds per evaluation.
         first_episode: the first of them; 5000 to try settings out. timed: control steps of one world that are timed.
