@@ -203,6 +203,8 @@ def _matched(
                 f"{method} under {condition} and its twins do not match: {len(missing)} seeds, {missing[0]} first, "
                 "were flown on one side alone. Fly both over the same seeds."
             )
+        if here.seeds != twin.seeds:
+            raise InvalidValueError(f"{method} under {condition} and its twins list their seeds in another order.")
     return _outcomes(method, twins)
 
 

@@ -96,7 +96,7 @@ def standings(results: Mapping[str, EvaluationResult], *, fewest: int = FEWEST) 
     for place in sorted(results, key=lambda each: -len(results[each].episodes)):
         result = results[place]
         cell = (result.robot, result.task, result.tier)
-        flown = seen.setdefault(_text([*cell, _identity(result), _how(result)]), {})
+        flown = seen.setdefault(_text([*cell, *_identity(result)]), {})
         reason = _unfit(result, engine, fewest) or _flown_before(result, flown)
         if reason:
             left_out[place] = reason
@@ -132,8 +132,10 @@ def _unfit(result: EvaluationResult, engine: str, fewest: int) -> str:
     return ""
 
 
-def _identity(result: EvaluationResult) -> str:
-    return str(result.provenance.get("policy_sha256") or result.policy)
+def _identity(result: EvaluationResult) -> tuple[str, dict[str, Any]]:
+    """Return what flew and how: its weights, whatever is known of their training, or else its name and settings."""
+    weights = result.provenance.get("policy_sha256")
+    return (str(weights), _flown(result)) if weights else (result.policy, _how(result))
 
 
 def _name(result: EvaluationResult) -> str:
@@ -148,9 +150,14 @@ def _name(result: EvaluationResult) -> str:
 
 def _how(result: EvaluationResult) -> dict[str, Any]:
     """Return what makes a method: settings of its training, and how it is flown and told."""
-    trained, environment = result.provenance.get(TRAINED), result.provenance.get("environment", {})
+    trained = result.provenance.get(TRAINED)
     settings = trained.get("settings", {}) if isinstance(trained, Mapping) else {}
-    return {**settings, **{name: environment[name] for name in HOW_FLOWN if name in environment}}
+    return {**settings, **_flown(result)}
+
+
+def _flown(result: EvaluationResult) -> dict[str, Any]:
+    environment = result.provenance.get("environment", {})
+    return {name: environment[name] for name in HOW_FLOWN if name in environment}
 
 
 def _told_apart(results: Sequence[EvaluationResult]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -74,7 +75,16 @@ class EpisodeRecord:
 
     @staticmethod
     def from_dict(raw: Mapping[str, Any]) -> EpisodeRecord:
+        """Return the record that :meth:`to_dict` wrote.
+
+        Raises:
+            KeyError, TypeError: it lacks something, or says something else than such a record does.
+        """
         rest = {key: value for key, value in raw.items() if key not in ("return", "success")}
+        if type(raw["seed"]) is not int or raw["end"] not in ENDS or not isinstance(raw["subtasks"], Mapping):
+            raise TypeError(f"episode {raw['seed']!r} that ended as {raw['end']!r}")
+        if not all(isinstance(raw[name], int | float) and math.isfinite(raw[name]) for name in ("return", "steps")):
+            raise TypeError(f"return {raw['return']!r} and steps {raw['steps']!r} of episode {raw['seed']}")
         return EpisodeRecord(return_=raw["return"], **rest)
 
 

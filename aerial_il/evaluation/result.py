@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -166,6 +167,8 @@ def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
         stated = raw["episodes"], raw["success"]["count"]
     except (KeyError, TypeError, AttributeError) as error:
         raise InvalidValueError(f"{path}: not an evaluation: {error}.") from error
+    if repeated := sorted(seed for seed, times in Counter(e.seed for e in episodes).items() if times > 1):
+        raise InvalidValueError(f"{path}: lists seed {repeated[0]} more than once; a seed is one flight.")
     listed = len(episodes), sum(episode.success for episode in episodes)
     if listed != stated:
         says = "{} episodes with {} successes"

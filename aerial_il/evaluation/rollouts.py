@@ -172,10 +172,15 @@ def _act(
     return actions
 
 
+def weights_of(policy: Policy) -> str | None:
+    """Return the SHA-256 of a policy's weights, of its file or of its code; None of what is part of this package."""
+    saved = policy.to_checkpoint() if isinstance(policy, StorablePolicy) else None
+    return checkpoint.digest(saved) if saved else getattr(policy, "sha256", None)
+
+
 def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
     """Return where a result of ``policy`` in ``env`` comes from: code, packages, machine, environment and weights."""
     spec, torch = env.spec, sys.modules.get("torch")
-    saved = policy.to_checkpoint() if isinstance(policy, StorablePolicy) else None
     return {
         **provenance(),
         "engine": env.engine,
@@ -189,7 +194,7 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
             **({"latency": env.latency.said} if isinstance(env, LateBatch) else {}),
             **({"execution": said} if (said := getattr(policy, "execution", AS_TRAINED).said) else {}),
         },
-        "policy_sha256": checkpoint.digest(saved) if saved else getattr(policy, "sha256", None),
+        "policy_sha256": weights_of(policy),
         "observations": getattr(policy, "observations", "truth"),
         "torch_threads": torch.get_num_threads() if torch else None,
     }

@@ -136,8 +136,9 @@ class RobotLoop:
         Raises:
             LinkError: the robot has shown nothing for long.
         """
-        if self.trouble:
+        if trouble := self.trouble:
             self.held += 1
+            self._note(trouble)
         else:
             self.sent = self.spec.action.clip(action)
             self.link.send(self.spec.action.level, self.sent)
@@ -151,8 +152,8 @@ class RobotLoop:
         self.steps += 1
         reading, was_over = self.link.read(), self.watch.over
         self.watch.see(reading, self._now_s)
-        if self.trouble:
-            self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, self.trouble))[1]
+        if trouble := self.trouble:
+            self._note(trouble)
         if self.watch.age_s > LOST_S:
             raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
         ends = self.watch.over and not was_over  # by a sound reading, the last of the flight
@@ -161,6 +162,10 @@ class RobotLoop:
         self.timing.late_s.append(late)
         self.timing.work_s.append(worked)
         self.timing.age_s.append(self.watch.age_s)
+
+    def _note(self, trouble: str) -> None:
+        """Count the ticks in which the guard objected, and keep to what it did so first."""
+        self.troubles[self.seed] = self.held, self.troubles.get(self.seed, (0, trouble))[1]
 
     def look(self) -> dict[str, np.ndarray]:
         """Wait for what the robot shows before a flight, and return it: name -> (1, ...).

@@ -71,10 +71,10 @@ def fly(
     policy.check(link.spec)
     loop, dt = RobotLoop(link, guard), link.spec.control_dt_s
     own = policy.fresh()
-    own.task = link.spec.task
+    own.take_on(link.spec)
     if ticks := 0 if link.lockstep else ticks_to_think(own, loop.look(), dt):
         own = policy.executing(policy.execution, thinking=ticks)
-        own.task = link.spec.task
+        own.take_on(link.spec)
     pilot = LinkPilot(own, think_ticks=ticks)
     pilot.loop = loop
     loop.join() if seed is None else loop.begin(seed)

@@ -173,15 +173,17 @@ def _outside(settings: Collect) -> None:
 def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_with: Mapping[str, Any]) -> None:
     """Fly the seeds that are missing, and close ``env``."""
     from aerial_il.collection.collect import collect as fly
+    from aerial_il.evaluation.rollouts import weights_of
     from aerial_il.suite.late import late
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.watching import watched
 
-    seeds = range(settings.seed, settings.seed + settings.episodes)
+    seeds, weights = range(settings.seed, settings.seed + settings.episodes), weights_of(policy)
+    known_by = {"policy_sha256": weights[:12]} if weights else {}  # what is called alike need not be the same
     with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
         recorded = fly(
             late(seen, settings.latency), policy, seeds, settings.out,
-            policy_name=name, settings={**flown_with, **settings.latency.said}, mix=settings.mix,
+            policy_name=name, settings={**flown_with, **known_by, **settings.latency.said}, mix=settings.mix,
             progress=settings.progress,
         )  # fmt: skip
         remember(recorded, env.spec)

@@ -36,8 +36,11 @@ from aerial_il.core import registry
 from aerial_il.core.composition import build
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_json
+from aerial_il.core.provenance import provenance
 from aerial_il.evaluation.statistics import wilson
+from aerial_il.suite.engine import ENGINE
 from experiments.common.page import NUMBERS
+from experiments.common.record import digest
 from experiments.common.report import Row
 
 log = logging.getLogger(__name__)
@@ -157,7 +160,9 @@ def judged(name: str, check: Check, found: Mapping[str, Any] | None, root: Path 
 
 def _measured(name: str, place: int, check: Check, folder: Path) -> dict[str, Any]:
     """Return the tables of a small version, or the error that it ended with, and the time it took."""
-    kept = folder / name / str(place) / FOUND
+    made = provenance()
+    decided_by = {"settings": check.settings or {}, "git": made["git"], "packages": made["packages"], "engine": ENGINE}
+    kept = folder / name / f"{place}-{digest(decided_by)}" / FOUND
     if kept.exists():
         return json.loads(kept.read_text(encoding="utf-8"))
     started, before = time.perf_counter(), _processor_s()

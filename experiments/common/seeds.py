@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
-from typing import Any
+from typing import Any, get_args
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.schema import hints_of
 
 EVALUATION_SEED, TUNING_SEEDS = 20_000, range(5_000, 6_000)
 RESERVED = range(EVALUATION_SEED, 30_000)
@@ -40,6 +41,18 @@ def check_seeds(first_episode: int, episodes: int) -> None:
             f"Evaluations on seeds {seeds.start} to {seeds[-1]} are refused: to judge take some from 20000 to 29999, "
             "to tune some from 5000 to 5999; demonstrations use others."
         )
+
+
+def check_distinct(study: Any) -> None:
+    """Refuse names, numbers and draws that are said twice: each would count as one more.
+
+    Raises:
+        InvalidValueError: one is.
+    """
+    for name, hint in hints_of(type(study)).items():
+        several = getattr(study, name) if get_args(hint)[-1:] == (...,) else ()  # tuple[str, ...], no pair of numbers
+        if twice := [each for k, each in enumerate(several) if each in several[:k]]:
+            raise InvalidValueError(f"bench.{name} has {twice[0]} twice; once is enough.")
 
 
 def check_untuned(study: Any) -> None:

@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import aerial_il
+from aerial_il import robots
 from aerial_il.algorithms.bc import BC
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.evaluation.result import EvaluationResult
@@ -131,6 +132,8 @@ class Imitation:
     def __post_init__(self) -> None:
         if set(self.policies) != set(self.algorithms) or not self.policies:
             raise InvalidValueError(f"policies {list(self.policies)} and algorithms {list(self.algorithms)} differ.")
+        for robot in self.robots:
+            robots.get(robot)
         able = sorted({task for robot in self.robots for task in able_tasks(robot)})
         for names, valid, what in ((self.methods, self.policies, "method"), (self.tasks, able, "task")):
             for name in names:

@@ -43,7 +43,8 @@ NOTES = (
     "trained for longer, told by `task_id` or by a hashed bag of words.",
     "told: own, the task's instruction; held out, a wording that nothing learned from; wrong, the instruction of the "
     "other task of one scene, elsewhere that of the next task in the list.",
-    "wrong done: share of the flights that ended with the wrong cube let go of in the bowl.",
+    "wrong done: share of the flights that ended with the wrong cube let go of in the bowl, the right one never "
+    "grasped.",
 )
 
 
@@ -236,8 +237,9 @@ def _macro(results: Mapping[Flown, EvaluationResult]) -> Iterator[Row]:
 
 
 def _wrongly(arm: Row, found: Sequence[EvaluationResult]) -> Row:
-    """Return how often the wrong one of two cubes was put into the bowl."""
+    """Return how often the wrong one of two cubes was put into the bowl, the right one never grasped."""
     if arm["task"] not in PAIR:
         return {"wrong_done_percent": None}
-    ends = [episode.end == "dropped" for result in found for episode in result.episodes]
-    return {"wrong_done_percent": round(100 * sum(ends) / len(ends), 1)}
+    episodes = [episode for result in found for episode in result.episodes]
+    wrongly = [e.end == "dropped" and e.subtasks["grasped"] is None for e in episodes]
+    return {"wrong_done_percent": round(100 * sum(wrongly) / len(wrongly), 1)}

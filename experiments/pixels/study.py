@@ -19,6 +19,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+import aerial_il
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.interactive.gates.coin import CoinGate
@@ -35,6 +36,7 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.policy import PerceivingPolicy
+from aerial_il.suite import tiers
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
@@ -162,12 +164,18 @@ class Pixels:
     threads: int = 0
 
     def __post_init__(self) -> None:
-        for names, valid, what in ((self.arms, ARMS, "arm"), (self.changes, CHANGES, "change")):
+        able = [task for robot, task in aerial_il.list_cells() if robot == self.robot]
+        said = ((self.tasks, able, "task"), (self.arms, ARMS, "arm"), (self.changes, CHANGES, "change"))
+        for names, valid, what in said:
             for name in names:
                 if name not in valid:
                     raise UnknownNameError(what, name, valid)
-        if min(self.demos, self.episodes, *self.sizes) < 1 or not (self.draws and self.arms and self.cameras):
-            raise InvalidValueError("demos, sizes and episodes start at 1; there are draws, arms and cameras.")
+        for tier in self.flown_in:
+            tiers.get(tier)
+        if min(self.demos, self.episodes, *self.sizes) < 1:
+            raise InvalidValueError("demos, sizes and episodes start at 1.")
+        if not all((self.draws, self.arms, self.cameras, self.tasks, self.flown_in)):
+            raise InvalidValueError("draws, arms, cameras, tasks and flown_in name at least one each.")
         if (lost := {*self.changes} - {*CONTROLS}) and self.arms[0] not in SEEING:
             raise InvalidValueError(
                 f"{', '.join(sorted(lost))}: only policies with eyes can be deprived of it, and the first arm is "

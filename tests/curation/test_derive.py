@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aerial_il.cli.main import main
@@ -229,3 +230,16 @@ def test_a_killed_merge_leaves_no_dataset_and_starts_over(cranes: Recorded, tmp_
         assert main(["merge", *words, f"out={out}"]) == 0
         assert digests(out) == digests(tmp_path / "whole")
         assert {name for name in os.listdir(out) if not name.endswith(".tmp")} == {*os.listdir(tmp_path / "whole")}
+
+
+def test_what_others_changed_is_another_source(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, out = tmp_path / "theirs.npz", tmp_path / "good"
+    words = ["filter", str(source), "where=steps > 0", f"out={out}", QUIET]
+    rows = {"acts": np.zeros((6, 1)), "dones": np.arange(6) == 5}
+    np.savez(source, obs=np.zeros((6, 2)), next_obs=np.zeros((6, 2)), **rows)
+    assert main(words) == main(words) == 0
+    np.savez(source, obs=np.ones((6, 2)), next_obs=np.ones((6, 2)), **rows)
+    capsys.readouterr()
+    assert main(words) == 2
+    assert "holds a dataset already" in capsys.readouterr().err
+    assert not open_dataset(out)[0].flat_obs(open_dataset(out).spec.observation.state_names).any()

@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import altered_files, open_dataset
+from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
+from aerial_il.data.recording.writer import write_episode
 from aerial_il.data.table import read_table, write_column
 from tests.cli.test_full_disk import LIMITED
 from tests.curation.conftest import QUIET, Recorded, digests
@@ -220,3 +223,16 @@ def test_a_killed_undo_is_finished(dataset: Path, tmp_path: Path) -> None:
         assert digests(copy) == before
         rename += 1
     assert rename > 4
+
+
+def test_words_of_its_own_are_relabelled_too(dataset: Path, tmp_path: Path) -> None:
+    """As an episode has them that came out of a dataset whose episodes were told different things."""
+    episode, folder = open_dataset(dataset)[0], DatasetFolder(tmp_path / "told")
+    write_episode(replace(episode, provenance={**episode.provenance, "instruction": "Pick."}), folder.file(episode.uid))
+    folder.write_index(episode.spec)
+    (row,) = read_table(open_dataset(folder.path))
+    assert row["instruction"] == "Pick."
+    assert edit("relabel", folder.path, "where=success", "instruction=Press the bell.") == 0
+    (again,) = open_dataset(folder.path)
+    assert again.instruction == "Press the bell."
+    assert again.provenance["relabelled"][0]["was"]["instruction"] == "Pick."

@@ -93,6 +93,10 @@ def test_equal_policies_seem_different_in_few_of_200_comparisons() -> None:
     [
         ({"mlp": {"gusts": [TWINS]}}, "mlp was not flown in calm"),
         ({"mlp": {"calm": [TWINS], "gusts": [result_with(90, 80)]}}, "do not match: 10 seeds, 90 first"),
+        (
+            {"mlp": {"calm": [TWINS], "gusts": [replace(TWINS, episodes=TWINS.episodes[::-1])]}},
+            "list their seeds in another order",
+        ),
         ({"mlp": {"calm": [TWINS, TWINS], "gusts": [TWINS]}}, "has 1 trainings under gusts and 2 undisturbed"),
         ({"mlp": {"calm": [TWINS, result_with(90, 80)]}}, "flew other seeds, 100 from 0 and 90 from 0"),
         (

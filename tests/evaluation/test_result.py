@@ -78,6 +78,14 @@ def test_a_simplified_path_stays_close_however_long_it_is(length: int, seed: int
         (lambda raw: {k: v for k, v in raw.items() if k != "tier"}, "not an evaluation: 'tier'"),
         (lambda raw: raw | {"per_episode": raw["per_episode"][:-1]}, "states 40 episodes .* lists 39"),
         (lambda raw: raw | {"per_episode": [{"seed": 1}]}, "not an evaluation"),
+        (
+            lambda raw: raw | {"per_episode": raw["per_episode"][:1] * 40},
+            "more than once; a seed is one flight",
+        ),
+        *(
+            (lambda raw, wrong=wrong: raw | {"per_episode": [raw["per_episode"][0] | wrong]}, "not an evaluation: ")
+            for wrong in ({"seed": "abc"}, {"end": "win"}, {"subtasks": None}, {"return": None}, {"steps": "9"})
+        ),
     ],
 )
 def test_a_damaged_file_names_itself(diver: EvaluationResult, tmp_path: Path, damage: Any, message: str) -> None:

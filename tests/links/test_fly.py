@@ -10,9 +10,10 @@ import torch
 from aerial_il import experts, load_batch
 from aerial_il.cli.main import main
 from aerial_il.collection.collect import collect
+from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.latency import NO_LATENCY, Latency
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.data.folder import FAILURES
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.evaluation.rollouts import evaluate
@@ -20,6 +21,7 @@ from aerial_il.links.environment import LinkedEnvironment
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import LinkError, Mode, Order, Reading
 from aerial_il.links.loop import hold_action
+from aerial_il.links.onboard import fly as fly_onboard
 from aerial_il.links.pilot import LinkPilot
 from aerial_il.links.robot import SimulatedRobot
 from aerial_il.links.simulated.in_process import SimulatedLink
@@ -28,6 +30,7 @@ from aerial_il.links.watch import Watch
 from aerial_il.policies import get
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.execution import Execution
+from aerial_il.policies.parts.language import TOLD
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.normaliser import Normaliser
 from aerial_il.policies.parts.switches import Switches
@@ -333,3 +336,13 @@ def test_a_robot_that_shows_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(env.loop.link, "read", lambda: None)
     with pytest.raises(LinkError, match="shows nothing"):
         env.reset(0)
+
+
+def test_onboard_a_policy_is_told_the_task_of_its_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    specs = [load_batch(ROBOT, task, num_envs=1).spec for task in (TASK, "press_button")]
+    shown = [replace(spec, observation=ObservationSpec((*spec.observation.fields, TOLD))) for spec in specs]
+    policy = fresh_policy("mlp", spec=united(shown))
+    told, embedded = list[str](), language.embedded
+    monkeypatch.setattr(language, "embedded", lambda text: (told.append(text), embedded(text))[1])
+    fly_onboard(policy, SimulatedLink(SimulatedRobot(ROBOT, "press_button")), seconds=0.04, seed=1)
+    assert {*told} == {specs[1].instruction}

@@ -82,7 +82,7 @@ def test_what_has_no_pose_is_refused() -> None:
     (demo,) = demonstrations(1)
     with pytest.raises(InvalidValueError, match="needs ee_pose actions; these are velocity"):
         read_demos([with_action_level(demo, "velocity")], MLP(relative=True))
-    with pytest.raises(UnknownNameError, match=r"'ee_rot6d'.*see obs_names"):
+    with pytest.raises(UnknownNameError, match=r"'ee_rot6d'.*see policy.obs_names"):
         Layout.of(SPEC, MLP(relative=True, obs_names=("ee_pos", "cube_pos")))
     assert Layout.of(replace(SPEC, tier="gusts"), MLP(relative=True)).anchored == 0
 

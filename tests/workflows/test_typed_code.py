@@ -1,5 +1,6 @@
 """A user's own pilot flies, records and is judged from the command line; only what was typed names code."""
 
+import importlib
 import json
 import sys
 from collections.abc import Iterator
@@ -55,6 +56,27 @@ def test_a_pilot_of_one_s_own_is_judged(home: Path) -> None:
     assert one["success"] == other["success"]
     assert "policy=my_pilots:Still" in one["provenance"]["command"]
     assert str(home) not in sys.path
+
+
+def test_code_that_was_changed_is_another_pilot(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ["robot=quad", "task=hover", "episodes=1", QUIET]
+    judged, recorded = (
+        ["evaluate", "policy=my_pilots:Still", *where, "videos=0", "out=judged"],
+        ["collect", "expert=my_pilots:Still", *where, "out=mine"],
+    )
+    for words in (judged, recorded):
+        assert main(words) == 0
+    Path("judged/videos").mkdir()
+    Path("judged/videos/seed_10000_timeout.mp4").write_bytes(b"of before")
+    del sys.modules["my_pilots"]
+    (home / "my_pilots.py").write_text(PILOTS.replace("[1.0, 0, 0", "[0.0, 1.0, 0"))
+    importlib.invalidate_caches()
+    capsys.readouterr()
+    for words in (judged, [*recorded, "seed=1"]):
+        assert main(words) == 2
+        assert "policy_sha256" in (said := capsys.readouterr().err) or "another evaluation" in said
+    assert main([*judged, "overwrite=true"]) == 0
+    assert not [*Path("judged").glob("videos/*")], "films show the result that they lie beside"
 
 
 def test_it_flies_in_environments_from_outside_too(home: Path) -> None:

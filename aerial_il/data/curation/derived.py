@@ -7,7 +7,7 @@ looks like a dataset; ``lineage.json`` says what it was made of and how.
 import hashlib
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os.path import realpath
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any
 
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.files import sync_folder, write_json
+from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.places import claim_folder
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
@@ -27,6 +27,7 @@ from aerial_il.data.recording.writer import storing, write_episode
 from aerial_il.data.table import Row, read_columns, remember, write_column
 
 PART = ".part"
+MOST_READ_BYTES = 1 << 28  # of a file of others, to tell it from another of its size
 Place = str | os.PathLike[str]
 
 
@@ -197,9 +198,19 @@ def _lineage(chosen: Sequence[Chosen], made: Mapping[str, Any]) -> dict[str, Any
 
 def _identity(chosen: Chosen) -> str:
     """Return what tells the chosen episodes from others: a digest of their names and of those of their files."""
-    known = _digests(chosen.dataset)
-    lines = "\n".join(f"{uid} {known.get(uid, '')}" for uid in sorted(row["uid"] for row in chosen.rows))
-    return hashlib.sha256(lines.encode()).hexdigest()
+    known, uids = _digests(chosen.dataset), sorted(row["uid"] for row in chosen.rows)
+    lines = [f"{uid} {known.get(uid, '')}" for uid in uids]
+    if not known.keys() >= {*uids}:
+        lines += _files_of(chosen.dataset.path)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _files_of(path: Path) -> Iterator[str]:
+    """Yield a line for each file of others' data: its name, size and, if it is small enough to be read, its digest."""
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            size = file.stat().st_size
+            yield f"{file.relative_to(path)} {size} {sha256_of(file) if size <= MOST_READ_BYTES else ''}"
 
 
 def _told(path: Path) -> dict[str, Any] | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES
-from aerial_il.data.provenance import HUMAN, operator_of
+from aerial_il.data.provenance import HUMAN, INSTRUCTION, operator_of
 from aerial_il.data.recording.reader import Head, check_channels, read_head, read_outcome
 from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import scan
@@ -83,6 +83,7 @@ def relabel(source: Path, target: Path, labels: Labels, where: str, *, part: Pat
     layout = head.layout
     if labels.instruction is not None:
         layout = Layout(replace(layout.spec, instruction=labels.instruction), layout.ctrl_size, layout.extras)
+        origin.pop(INSTRUCTION, None)  # words of its own, which went before those of its task
     writer = EpisodeWriter(part, layout, uid=head.uid, provenance=origin, model_xml=head.model_xml)
     success = outcome.success if labels.success is None else labels.success
     try:
@@ -95,5 +96,6 @@ def relabel(source: Path, target: Path, labels: Labels, where: str, *, part: Pat
 
 def _labels_of(head: Head, *, success: bool) -> dict[str, Any]:
     origin = head.provenance
-    said = {"operator": operator_of(origin), "instruction": head.layout.spec.instruction, "tag": origin.get(TAG, "")}
+    instruction = origin.get(INSTRUCTION) or head.layout.spec.instruction
+    said = {"operator": operator_of(origin), "instruction": instruction, "tag": origin.get(TAG, "")}
     return {"success": success, **said}

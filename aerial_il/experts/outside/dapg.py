@@ -6,6 +6,7 @@ Demonstrations", 2018; the networks are those of the authors' repository hand_da
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass, field
 
@@ -52,6 +53,11 @@ class DapgExpert:
     def __post_init__(self) -> None:
         if self.noise < 0:
             raise InvalidValueError(f"noise is {self.noise}; it must not be negative.")
+
+    @property
+    def sha256(self) -> str:
+        """Of its numbers: with the noise and an episode's seed they decide how it flies."""
+        return hashlib.sha256(b"".join(self.arrays[name].tobytes() for name in sorted(self.arrays))).hexdigest()
 
     def attach(self, env: BatchEnv) -> None:
         """Bind to the batch environment whose episodes' seeds decide the noise."""

@@ -69,9 +69,8 @@ class ChunkPolicy(FlyingPolicy):
 
     def fresh(self) -> ChunkPolicy:
         again = ChunkPolicy(self.config, self.interface, self.network, self.origin)
-        again._shown_for, again.execution, again._followers = self._shown_for, self.execution, self._followers
-        again._plan = self._plan.empty()
-        return again
+        again._followers = self._followers
+        return again._as(self)
 
     def executing(self, execution: Execution, latency: Latency = NO_LATENCY, *, thinking: int = 0) -> Self:
         if type(self) is not ChunkPolicy:

@@ -98,8 +98,7 @@ class OnnxPolicy(FlyingPolicy):
             noise_size=self._noise.size, redraws=self._noise.redraw, origin=self.origin,
             sha256=self.sha256,
         )  # fmt: skip
-        again._shown_for, again.execution, again._plan = self._shown_for, self.execution, self._plan.empty()
-        return again
+        return again._as(self)
 
 
 def described(policy: ChunkPolicy, graph: bytes) -> dict[str, Any]:

@@ -113,6 +113,12 @@ class FlyingPolicy(ABC):
     def fresh(self) -> Self:
         """Return the same policy, networks shared, with a memory of its own that is empty."""
 
+    def _as(self, other: FlyingPolicy) -> Self:
+        """Fly as ``other`` does, with the task that it has, and remember nothing."""
+        self.task, self.told, self.execution = other.task, other.told, other.execution
+        self._instruction, self._shown_for, self._plan = other._instruction, other._shown_for, other._plan.empty()
+        return self
+
     def __repr__(self) -> str:
         flown = f"{self.spec.robot}/{self.spec.task}"
         return f"{type(self).__name__}({self.config.name} of {flown}, {', '.join(self.spec.observation.names)})"
@@ -150,9 +156,13 @@ class FlyingPolicy(ABC):
         if not due.any():
             return None
         rows = slice(None) if due.all() else due
-        first_seen = frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
-        noise, pictures = self._noise.take(first_seen, due), {name: stack[rows] for name, stack in seen.items()}
+        noise = self._noise.take(self._first_seen(frame, images), due)
+        pictures = {name: stack[rows] for name, stack in seen.items()}
         return Question(history[rows], due, pictures, noise, self._guide(history[rows], obs, due))
+
+    def _first_seen(self, frame: np.ndarray, images: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return numbers (n, C) by which worlds are told from each other: of what they show, (n, Do) or pictures."""
+        return frame if frame.shape[1] or not self._noise.size else glimpses(tuple(images.values()))
 
     def think(self, question: Question) -> np.ndarray:
         """Return chunks (m, Ta, Da) that answer a question; touches no memory, so another thread may think."""
@@ -263,13 +273,16 @@ class FlyingPolicy(ABC):
     def attach(self, env: BatchEnv) -> None:
         """Refuse an environment that differs from those the policy was trained in, and take its task as one's own."""
         self.check(env.spec)
-        self.task, self._shown_for = env.spec.task, self._shown_in(env.spec)
-        self._instruction = env.spec.instruction
+        self.take_on(env.spec)
         if env.spec.robot != self.spec.robot and not self.spec.is_foreign:
             flown = self.spec.robot, env.spec.robot
             log.warning("Trained on %s, it flies %s: all it knows of a robot is its tool.", *flown)
         for own, name in self._shown_for.items():
             log.warning("The policy's %s is the environment's %s, the only field of its shape.", own, name)
+
+    def take_on(self, spec: EnvSpec) -> None:
+        """Take the task, the instruction and the fields' names of a specification that was checked as one's own."""
+        self.task, self._instruction, self._shown_for = spec.task, spec.instruction, self._shown_in(spec)
 
     def check(self, spec: EnvSpec) -> None:
         """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""

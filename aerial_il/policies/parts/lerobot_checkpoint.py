@@ -6,6 +6,7 @@ world by itself, so that worlds may be reset at different times. Nothing is unpi
 file names it: steps of a processor other than those below are refused.
 """
 
+import hashlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,6 +19,7 @@ from torch import Tensor
 from aerial_il.core.bounded import read_json
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import CheckpointError, InvalidValueError, NonFiniteActionError
+from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field, image_name
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
@@ -37,7 +39,7 @@ class LerobotPolicy:
 
     Attributes:
         cameras: names of the cameras that it looks through. image_size: height and width of their images, or None.
-        cell: robot and task that its dataset tells, or None.
+        cell: robot and task that its dataset tells, or None. sha256: of its files.
 
     Raises:
         CheckpointError: it is incomplete, of a kind that cannot be flown, or names code to run.
@@ -54,6 +56,7 @@ class LerobotPolicy:
         self.cameras = tuple(images)
         self.image_size = next(((h, w) for _, h, w in images.values()), None)
         self.cell = _cell(folder)
+        self.sha256 = _digest(folder)
         self._policy, self._encode, self._decode = _load(folder, config)
         execute, ensemble = int(config.n_action_steps), getattr(config, "temporal_ensemble_coeff", None)
         chunk = int(config.chunk_size) if config.type == "act" else execute
@@ -129,6 +132,12 @@ def _check_files(folder: Path) -> None:
             raise CheckpointError(folder / name, f"has steps {strange} that are not run; known: {', '.join(STEPS)}.")
         if any(Path(state).name != state or not state.endswith(".safetensors") for state in states):
             raise CheckpointError(folder / name, f"names state files outside of it or of another kind: {states}.")
+
+
+def _digest(folder: Path) -> str:
+    """Return the SHA-256 of the names and contents of all that decides how it flies."""
+    files = sorted(path for path in folder.iterdir() if path.suffix in (".json", ".safetensors") and path.is_file())
+    return hashlib.sha256("".join(f"{path.name} {sha256_of(path)}\n" for path in files).encode()).hexdigest()
 
 
 def _load_config(folder: Path) -> Any:

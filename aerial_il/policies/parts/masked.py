@@ -8,6 +8,8 @@ Source: P. de Haan, D. Jayaraman, S. Levine, "Causal Confusion in Imitation Lear
 all masks, flown with one of them for an episode, judged by the reward.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 
@@ -34,9 +36,13 @@ class MaskedPolicy(ChunkPolicy):
     def __init__(self, policy: ChunkPolicy, *, most: float, hold: float, stream: int = 0) -> None:
         self._hiding = Hiding(policy.network, policy.interface.layout.size)
         super().__init__(policy.config, policy.interface, self._hiding)
-        self.task, self.most, self.hold, self._stream = policy.task, most, hold, stream
+        self.task, self.most, self.hold, self._stream, self._policy = policy.task, most, hold, stream, policy
         self._rngs: list[np.random.Generator] = []
         self._shown = np.ones((0, policy.interface.layout.size), np.float32)
+
+    def fresh(self) -> MaskedPolicy:
+        again = MaskedPolicy(self._policy, most=self.most, hold=self.hold, stream=self._stream)
+        return again._as(self)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Draw what is hidden in the episodes ``seeds`` (n,) that begin in the worlds of ``mask`` (n,), or in all."""

@@ -20,6 +20,7 @@ from torch import Tensor, nn
 from aerial_il.core.bounded import MAX_UNPACKED_BYTES, parse_json, read_bytes
 from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.core.errors import CheckpointError, InvalidValueError
+from aerial_il.core.files import sha256_of
 
 ENDING = ".zip"
 ACTIVATIONS: Mapping[str, Callable[[], nn.Module]] = {
@@ -44,6 +45,9 @@ class Sb3Policy:
     Args:
         path: its zip.
 
+    Attributes:
+        sha256: of the zip.
+
     Raises:
         CheckpointError: it is none, is too large, or its network is of another kind.
     """
@@ -56,6 +60,7 @@ class Sb3Policy:
             raise
         except FAULTS as error:
             raise CheckpointError(self.path, f"cannot be read as a policy of Stable-Baselines3 ({error!r}).") from error
+        self.sha256 = sha256_of(self.path)
         self._low = self._high = np.zeros(0)
 
     def attach(self, env: BatchEnv) -> None:

@@ -19,6 +19,7 @@ from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.flying import Question
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of
+from aerial_il.policies.parts.noise import glimpses
 from aerial_il.policies.parts.prefixed import below, under
 from aerial_il.policies.perception.cameras import MOUNTS, Camera
 from aerial_il.policies.perception.eyes import Carried, Eyes
@@ -48,6 +49,10 @@ class PerceivingPolicy(ChunkPolicy):
 
     def look(self, obs: Observation) -> Question | None:
         return super().look({**obs, **self.estimate(obs)})
+
+    def _first_seen(self, frame: np.ndarray, images: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Not the estimates, whose last bits depend on how many worlds a network is asked of at once."""
+        return glimpses(tuple(images.values())) if self._noise.size else frame
 
     def estimate(self, obs: Observation) -> dict[str, np.ndarray]:
         """Take in what n worlds show; return ``field -> (n, D)`` of all that has to be seen."""
@@ -109,9 +114,7 @@ class PerceivingPolicy(ChunkPolicy):
 
     def fresh(self) -> PerceivingPolicy:
         again = PerceivingPolicy(self.pilot, self.eyes, every=self.every, forget=self.forget, origin=self.origin)
-        again._shown_for, again.execution = self._shown_for, self.execution
-        again._plan = self._plan.empty()
-        return again
+        return again._as(self)
 
     def memory(self) -> dict[str, np.ndarray]:
         own = {"steps": self._steps.copy(), **under(TRACKER, self._tracker.memory())}

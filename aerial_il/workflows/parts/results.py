@@ -1,5 +1,6 @@
 """Output of an evaluation: numbers, films, a page."""
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +29,7 @@ def save(
 ) -> Written:
     """Write evaluation.json, films of ``videos`` successes and failures each, and the page."""
     file = result.save(folder)
+    shutil.rmtree(folder / VIDEOS, ignore_errors=True)  # of a result that was here before
     footage = Footage()
     if videos:
         shown = {"successes": videos, "failures": videos, "policy": policy}

@@ -5,7 +5,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from aerial_il.core.contracts import Observation, Policy
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.files import sha256_of
 
 _CODE = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
 EXAMPLE = "Example: my_pilot:make, where my_pilot.py has a function make() that returns a policy."
@@ -30,7 +31,8 @@ def policy_of(typed: str) -> Policy:
         typed: by the user; never what a file says.
 
     Returns:
-        The policy; a plain function ``observations -> actions (n, Da)`` is made one.
+        The policy; a plain function ``observations -> actions (n, Da)`` is made one. Where it says nothing of its
+        ``sha256``, that of the module's file stands for it: what the file imports does not count.
 
     Raises:
         InvalidValueError: there is no such module or factory, it fails, or makes something else.
@@ -45,10 +47,13 @@ def policy_of(typed: str) -> Policy:
         raise
     except Exception as error:
         raise InvalidValueError(f"{typed} cannot be made: {type(error).__name__}: {error}. {EXAMPLE}") from error
-    if isinstance(made, Policy):
-        return made
-    if callable(made):
-        return _Function(made)
+    if isinstance(made, Policy) or callable(made):
+        policy: Any = made if isinstance(made, Policy) else _Function(made)
+        source = getattr(sys.modules[module], "__file__", None)
+        if source and not hasattr(policy, "sha256"):
+            with suppress(AttributeError):  # an object without a dictionary keeps no more
+                policy.sha256 = sha256_of(source)
+        return policy
     raise InvalidValueError(f"{typed} makes a {type(made).__name__}: neither a policy nor a function. {EXAMPLE}")
 
 

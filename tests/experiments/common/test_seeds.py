@@ -6,8 +6,9 @@ import pytest
 
 from aerial_il.algorithms.bc import BC
 from aerial_il.cli.main import main
+from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
-from experiments.common.seeds import EVALUATION_SEED, check_seeds, check_untuned
+from experiments.common.seeds import EVALUATION_SEED, check_distinct, check_seeds, check_untuned
 from experiments.dagger.study import Dagger
 from experiments.from_prior.study import FromPrior
 from experiments.generation.study import Generation
@@ -39,6 +40,14 @@ def test_tuning_on_the_reserved_seeds_is_refused(study: Any, changed: dict[str, 
     with pytest.raises(InvalidValueError, match=f"{named} .* seeds 20000 on are reserved.*first_episode=5000"):
         check_untuned(study(**changed))
     check_untuned(study(**changed, first_episode=5_000))
+
+
+def test_what_is_said_twice_is_refused() -> None:
+    for said in ({"draws": (0, 1, 0)}, {"tasks": ("reach", "reach")}, {"flown_in": ("calm", "calm")}):
+        with pytest.raises(InvalidValueError, match=f"bench.{next(iter(said))} has .* twice"):
+            check_distinct(Imitation(**said))
+    for name in registry.names("study"):
+        check_distinct(registry.get("study", name)())
 
 
 def test_fewer_draws_robots_and_flights_may_be_judged() -> None:

@@ -108,9 +108,12 @@ def _again(settings: Evaluate, place: str) -> None:
 
 def _repeated(before: EvaluationResult, now: EvaluationResult) -> str:
     """Say how many flights are the same in all their numbers, and what may explain those that are not."""
-    pairs = list(zip(before.episodes, now.episodes, strict=True))
-    differing = [old.seed for old, new in pairs if old != new]
-    equal = f"{len(pairs) - len(differing)} of {len(pairs)} flights are equal in all their numbers."
+    old, new = ({episode.seed: episode for episode in result.episodes} for result in (before, now))
+    differing = [seed for seed in sorted({*old, *new}) if old.get(seed) != new.get(seed)]
+    flown = len({*old, *new})
+    equal = f"{flown - len(differing)} of {flown} flights are equal in all their numbers."
+    if lacking := sorted({*old} ^ {*new}):
+        equal += f" {len(lacking)} stand on one side alone, seed {lacking[0]} first."
     if not differing:
         return equal
     named = {

@@ -69,7 +69,9 @@ def run(settings: Bench) -> None:
         _check_claims(tuple(study.name for study in studies), settings)
         return
     for study in studies:
-        import_module(f"{EXPERIMENTS}.common.seeds").check_untuned(study)
+        seeds = import_module(f"{EXPERIMENTS}.common.seeds")
+        seeds.check_distinct(study)
+        seeds.check_untuned(study)
     reports = [_measure(study, settings) for study in studies]
     plain = [report.to_dict() for report in reports]
     settings.show(plain[0] if settings.bench else plain, lambda: "\n\n".join(map(as_text, reports)))

@@ -78,6 +78,22 @@ def test_an_evaluation_is_repeated_flight_by_flight(
     assert main(["evaluate", f"again={tmp_path}", f"out={tmp_path / 'other'}"]) == 2
 
 
+def test_flights_that_somebody_left_out_are_missed(
+    flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    raw = json.loads((flown / "calm" / "evaluation.json").read_text())
+    left_out = raw["per_episode"].pop(0)
+    raw["episodes"] -= 1
+    raw["success"]["count"] -= left_out["success"]
+    (tmp_path / "claimed").mkdir()
+    (tmp_path / "claimed" / "evaluation.json").write_text(json.dumps(raw))
+    words = [f"again={tmp_path / 'claimed'}", f"out={tmp_path / 'again'}", "videos=0", "progress=false"]
+    assert main(["evaluate", *words]) == 0
+    said = capsys.readouterr().out
+    assert f"1 stand on one side alone, seed {left_out['seed']} first" in said
+    assert "2 of 3 flights are equal" in said
+
+
 def test_flights_that_ended_otherwise_are_named(
     flown: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

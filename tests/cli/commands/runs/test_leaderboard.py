@@ -57,6 +57,8 @@ def test_more_seeds_of_one_policy_are_no_further_training() -> None:
     (only,) = board.standings
     assert (only.trainings, only.episodes) == (1, 200)
     assert board.left_out == {"c": "has 50 seeds of a again"}
+    trained = flown(90, **{TRAINED: {**first.provenance[TRAINED], "settings": {"lr": 1e-3}}})
+    assert standings({"run": trained, "run/policy": first}).left_out == {"run/policy": "is run again"}
 
 
 def test_flights_of_one_seed_count_once_in_an_interval() -> None:
