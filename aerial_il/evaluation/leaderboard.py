@@ -96,7 +96,7 @@ def standings(results: Mapping[str, EvaluationResult], *, fewest: int = FEWEST) 
     for place in sorted(results, key=lambda each: -len(results[each].episodes)):
         result = results[place]
         cell = (result.robot, result.task, result.tier)
-        flown = seen.setdefault(_text([*cell, *_identity(result)]), {})
+        flown = seen.setdefault(_text([*cell, _identity(result), _what(result)]), {})
         reason = _unfit(result, engine, fewest) or _flown_before(result, flown)
         if reason:
             left_out[place] = reason
@@ -132,10 +132,13 @@ def _unfit(result: EvaluationResult, engine: str, fewest: int) -> str:
     return ""
 
 
-def _identity(result: EvaluationResult) -> tuple[str, dict[str, Any]]:
-    """Return what flew and how: its weights, whatever is known of their training, or else its name and settings."""
-    weights = result.provenance.get("policy_sha256")
-    return (str(weights), _flown(result)) if weights else (result.policy, _how(result))
+def _identity(result: EvaluationResult) -> str:
+    return str(result.provenance.get("policy_sha256") or result.policy)
+
+
+def _what(result: EvaluationResult) -> dict[str, Any]:
+    """Return how a policy flew and, of one without weights that tell it from others, what is known of its training."""
+    return _flown(result) if result.provenance.get("policy_sha256") else _how(result)
 
 
 def _name(result: EvaluationResult) -> str:
