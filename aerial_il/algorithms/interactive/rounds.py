@@ -83,7 +83,7 @@ class Rounds:
         """
         if problem.expert is None and "expert" in problem.settings.needs:
             raise InvalidValueError(
-                f"{problem.settings.name} asks an expert, and the task has none. Name one: expert=module:factory."
+                f"{problem.settings.name} asks an expert, and there is none. Name one: expert=module:factory."
             )
         spec = problem.env.spec
         _, demos = read_demos((as_shown(episode, spec) for episode in dataset), problem.policy)
