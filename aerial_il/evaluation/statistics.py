@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -293,8 +293,8 @@ def _bootstrap(
 
 
 def _permuted(
-    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], kind: str, *, rng: np.random.Generator,
-    resamples: int,
+    samples: tuple[np.ndarray, ...], statistic: Callable[..., Any], kind: Literal["independent", "samples"], *,
+    rng: np.random.Generator, resamples: int,
 ) -> float:  # fmt: skip
     """Return the two-sided p-value of a statistic of one or several samples under permutations of a kind."""
     batch = _batch(sum(sample.size for sample in samples))

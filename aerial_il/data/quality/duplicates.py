@@ -21,7 +21,7 @@ def repeated(traces: Sequence[Trace]) -> dict[str, str]:
     """
     if len(traces) < 2:
         return {}
-    points = np.stack([trace.along().ravel() for trace in traces])
+    points = np.stack([trace.along() for trace in traces]).reshape(len(traces), -1)
     distances, nearest = KDTree(points).query(points, k=2)
     same = distances[:, 1] <= SAME_SHARE * np.median(distances[:, 1])
     found = dict[str, str]()
