@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.specs import EnvSpec
-from aerial_il.data.provenance import INSTRUCTION
+from aerial_il.data.provenance import instruction_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Episode:
     @property
     def instruction(self) -> str:
         """What was to be done: its own words, where the instructions of a dataset differ, else those of its task."""
-        return str(self.provenance.get(INSTRUCTION) or self.spec.instruction)
+        return instruction_of(self.provenance, self.spec)
 
     @property
     def nbytes(self) -> int:

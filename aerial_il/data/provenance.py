@@ -106,6 +106,11 @@ def operator_of(provenance: Mapping[str, Any]) -> str:
     return str(provenance.get("policy", "")).partition(HUMAN)[2]
 
 
+def instruction_of(provenance: Mapping[str, Any], spec: EnvSpec) -> str:
+    """Return what was to be done: an episode's own words, where those of a dataset differ, else those of its task."""
+    return str(provenance.get(INSTRUCTION) or spec.instruction)
+
+
 def engine_of(provenance: Mapping[str, Any]) -> str:
     """Return the version of the suite's engine that an episode was flown with."""
     return str(provenance.get("engine", FIRST_ENGINE))

@@ -16,7 +16,7 @@ from aerial_il.core.specs import EnvSpec
 from aerial_il.data.columns import COLUMNS
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
-from aerial_il.data.provenance import DROPPED, INSTRUCTION, engine_of, operator_of
+from aerial_il.data.provenance import DROPPED, engine_of, instruction_of, operator_of
 
 CACHE = Path("cache", "info.json")  # below a folder of recordings
 FURTHER = "columns"
@@ -135,7 +135,7 @@ def describe(
         "settings": " ".join(f"{key}={value}" for key, value in sorted(dict(origin.get("settings", {})).items())),
         "engine": None if spec.is_outside else engine_of(origin),
         "operator": operator_of(origin),
-        "instruction": str(origin.get(INSTRUCTION) or spec.instruction),
+        "instruction": instruction_of(origin, spec),
         "tag": str(origin.get(TAG, "")),
         "seed": origin.get("seed"),
         "steps": steps,

@@ -140,7 +140,7 @@ class Instructions:
         stages = Stages(record=Record(folder), num_envs=self.num_envs, threads=self.threads, progress=progress)
         flights = list(self.planned())
         results = {flown: self._judged(stages, flown) for flown in bar(flights, self.name, progress)}
-        per_task = [{**arm, **pooled_row(found), **_wrongly(arm, found)} for arm, found in _grouped(results)]
+        per_task = [{**arm, **pooled_row(found), **wrongly_done(arm, found)} for arm, found in _grouped(results)]
         macro = list(_macro(results))
         return Report(
             study=self,
@@ -236,7 +236,7 @@ def _macro(results: Mapping[Flown, EvaluationResult]) -> Iterator[Row]:
         yield {"arm": arm_name, "told": told, "task": MACRO, **macro_row(tasks)}
 
 
-def _wrongly(arm: Row, found: Sequence[EvaluationResult]) -> Row:
+def wrongly_done(arm: Row, found: Sequence[EvaluationResult]) -> Row:
     """Return how often the wrong one of two cubes was put into the bowl, the right one never grasped."""
     if arm["task"] not in PAIR:
         return {"wrong_done_percent": None}

@@ -22,6 +22,7 @@ from experiments.experts.study import distinct
 from experiments.human_data.study import TEACHERS, ClonedDriver, HumanData
 from experiments.imitation import study as imitation
 from experiments.imitation.study import Flight, Imitation
+from experiments.instructions import study as instructions
 from experiments.pixels import study as pixels
 from experiments.pixels.changes import CONTROLS, changed
 from tests.experiments.results import result_with
@@ -232,3 +233,15 @@ def test_only_the_drivers_arm_is_suited_to_hands() -> None:
         assert (other.algorithm.waypoints, other.policy.relative) == (BC.waypoints, False)
     assert driver.driven == recorded.driven
     assert {training.policy.name for training in found.values()} == {"flow"}
+
+
+def test_a_cube_that_fell_is_not_the_wrong_task_done() -> None:
+    """The episode ends as dropped for either cube; only one whose own cube was never grasped did the other's task."""
+    (flight,) = result_with(1, 0).episodes
+    ended = [
+        replace(flight, end=end, subtasks={"grasped": grasped})
+        for end, grasped in (("dropped", None), ("dropped", 2.0), ("timeout", None), ("success", 2.0))
+    ]
+    found = [replace(result_with(1, 0), episodes=tuple(ended))]
+    assert instructions.wrongly_done({"task": "place_orange"}, found) == {"wrong_done_percent": 25.0}
+    assert instructions.wrongly_done({"task": "reach"}, found) == {"wrong_done_percent": None}

@@ -141,6 +141,24 @@ def test_beyond_the_fence_the_flight_ends() -> None:
     assert not result.info["crash"][0]
 
 
+def test_every_tick_in_which_the_guard_objected_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    env = linked()
+    env.reset(0)
+    read = env.loop.link.read
+
+    def blinded() -> Reading | None:
+        reading = read()
+        blind = reading is not None and 5 <= env.loop.steps < 9
+        return replace(reading, obs={**reading.obs, "ee_pos": np.full(3, np.nan)}) if blind else reading
+
+    monkeypatch.setattr(env.loop.link, "read", blinded)
+    for _ in range(20):
+        env.step(still(env))
+    assert env.loop.held > 0
+    assert not env.loop.trouble, "it is over"
+    assert env.loop.troubles[0] == (env.loop.held, "ee_pos is not finite")
+
+
 def test_a_fence_within_which_it_does_not_start_is_refused() -> None:
     with pytest.raises(InvalidValueError, match=r"beyond the fence. Set guard\.fence"):
         linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.0))).reset(0)

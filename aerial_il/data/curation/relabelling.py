@@ -7,7 +7,7 @@ from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES
-from aerial_il.data.provenance import HUMAN, INSTRUCTION, operator_of
+from aerial_il.data.provenance import HUMAN, INSTRUCTION, instruction_of, operator_of
 from aerial_il.data.recording.reader import Head, check_channels, read_head, read_outcome
 from aerial_il.data.recording.report import Report
 from aerial_il.data.recording.scan import scan
@@ -96,6 +96,6 @@ def relabel(source: Path, target: Path, labels: Labels, where: str, *, part: Pat
 
 def _labels_of(head: Head, *, success: bool) -> dict[str, Any]:
     origin = head.provenance
-    instruction = origin.get(INSTRUCTION) or head.layout.spec.instruction
+    instruction = instruction_of(origin, head.layout.spec)
     said = {"operator": operator_of(origin), "instruction": instruction, "tag": origin.get(TAG, "")}
     return {"success": success, **said}

@@ -68,8 +68,8 @@ def run(settings: Bench) -> None:
     if settings.quick:
         _check_claims(tuple(study.name for study in studies), settings)
         return
+    seeds = import_module(f"{EXPERIMENTS}.common.seeds")
     for study in studies:
-        seeds = import_module(f"{EXPERIMENTS}.common.seeds")
         seeds.check_distinct(study)
         seeds.check_untuned(study)
     reports = [_measure(study, settings) for study in studies]
