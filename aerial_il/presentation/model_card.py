@@ -8,6 +8,7 @@ import yaml
 from aerial_il.core.specs import Field
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.tasks import wordings_of
 from aerial_il.presentation.hub_readme import plain
 from aerial_il.presentation.markdown import table
 
@@ -23,11 +24,12 @@ def model_card(
     """
     spec, layout, config = policy.spec, policy.interface.layout, policy.config
     fields = [spec.observation[name] for name in (*layout.names, *layout.images)]
+    told = wordings_of(spec)
     bounds = zip(spec.action.labels, spec.action.units, spec.action.low, spec.action.high, strict=True)
     facts = {
         "robot": plain(spec.robot),
         "task": plain(spec.task),
-        "instruction": plain(spec.instruction),
+        "instruction": "" if told else plain(spec.instruction),
         "success": _success(result),
         "policy": f"{config.name}: sees {config.history} observations, answers {config.chunk} actions",
         "rate": f"{1 / spec.control_dt_s:g} Hz",
@@ -44,6 +46,8 @@ def model_card(
         '```python\nimport aerial_il\n\npolicy = aerial_il.load_policy("FOLDER")   # this one\n'
         "policy.reset()\naction = policy.act(obs)   # obs: field -> (n, ...); action: (n, Da); at every control step\n"
         "```",
+        "## What it can be told" if told else "",
+        "\n".join(f"- {plain(text)}" for text in told),
         "## Observations",
         table(("field", "shape", "unit", "meaning"), map(_row, fields)),
         "## Actions",

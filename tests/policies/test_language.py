@@ -25,5 +25,19 @@ def test_wordings_that_are_held_out_are_recognised(task: str) -> None:
     assert len(own.held_out) >= 2
     assert not {*own.held_out} & {*known}
     for text in own.held_out:
-        near = max(known, key=lambda each: float(language.embedded(each) @ language.embedded(text)))
+        near, likeness = language.nearest(text, known)
         assert known[near] == task, (text, near)
+        assert likeness >= language.ALIKE
+
+
+@pytest.mark.parametrize("text", ["Fly to the moon.", "今天天气怎么样", "hello world", "the", ""])
+def test_nonsense_is_like_nothing(text: str) -> None:
+    known = [text for name in tasks.names() for text in (tasks.get(name).instruction, *tasks.get(name).wordings)]
+    assert language.nearest(text, known)[1] < language.ALIKE
+
+
+def test_order_of_words_counts() -> None:
+    said = "Put the orange cube beside the blue bowl."
+    other = "Put the blue cube beside the orange bowl."
+    assert language.nearest(said, [other, said]) == (said, 1.0)
+    assert language.nearest(said, [other])[1] < 1.0

@@ -2,16 +2,20 @@
 
 import json
 import shutil
+from contextlib import closing
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.result import load_result
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies import load_flying
+from aerial_il.policies.parts.tasks import wordings_of
 from aerial_il.workflows.parts import demonstrations, run_results
 
 QUIET = "progress=false"
@@ -88,6 +92,45 @@ def test_a_policy_is_told_in_words_what_to_do(home: Path, capsys: pytest.Capture
     again = [f"again={home / 'told' / 'other'}", f"out={home / 'told' / 'again'}", "videos=0", QUIET]
     assert main(["evaluate", *again]) == 0
     assert "2 of 2 flights are equal" in capsys.readouterr().out
+
+
+@pytest.fixture(scope="module")
+def worded(home: Path) -> Path:
+    """A policy for both tasks that is told in words."""
+    words = ["dataset.language=true", "policy.hidden=[8]", "algorithm.steps=2"]
+    assert main(["train", f"dataset={home / 'both'}", *words, f"run={home / 'other'}", QUIET]) == 0
+    return home / "other"
+
+
+def test_other_words_are_taken_for_the_nearest_that_it_learned_from(
+    worded: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    policy, other = load_flying(worded), load_flying(worded)
+    known = wordings_of(policy.spec)
+    assert len(known) > 2, "several of each task"
+    with closing(aerial_il.load_batch("ua_quad_arm4", "press_button", num_envs=1)) as env:
+        obs = env.reset(np.array([0]))
+        for each in (policy, other):
+            each.attach(env)
+        policy.told, other.told = known[-1], f"Kindly {known[-1]} Now!"
+        np.testing.assert_array_equal(policy.act(obs), other.act(obs))
+        assert f"as {known[-1]!r}" in caplog.text
+        caplog.clear()
+        policy.reset()
+        policy.told = known[0]
+        assert np.any(policy.act(obs) != other.act(obs))
+        assert not caplog.text, "what was learned from needs no word"
+
+
+def test_an_instruction_for_nothing_that_it_knows_is_refused(
+    worded: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked = [f"policy={worded}", "task=reach", "episodes=1", "videos=0", f"out={tmp_path / 'out'}", QUIET]
+    assert main(["evaluate", *asked, "instruction=Make me a coffee."]) == 2
+    shown = capsys.readouterr().err
+    assert "'Make me a coffee.'" in shown
+    assert "It knows, among others" in shown
+    assert not (tmp_path / "out").exists()
 
 
 def test_words_are_refused_by_a_policy_that_goes_by_numbers(

@@ -24,10 +24,11 @@ from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
 from aerial_il.policies.parts.layout import Interface, check_cameras
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.prefixed import below, under
-from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of
+from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of, wordings_of
 
 log = logging.getLogger(__name__)
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
+MOST_NAMED = 5  # of the instructions that it knows, in an error
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
 
 
@@ -93,8 +94,8 @@ class FlyingPolicy(ABC):
         self._noise = EpisodeNoise(noise_size, redraw=redraws)
         self._worlds: int | None = None
         self.task, self.execution = self.spec.task, AS_TRAINED
-        self.told: str | None = None  # in words, what to do; None for the environment's instruction
-        self._instruction = self.spec.instruction
+        self._told: str | None = None
+        self._instruction, self._meant = self.spec.instruction, ("", np.zeros(0))
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
@@ -115,7 +116,7 @@ class FlyingPolicy(ABC):
 
     def _as(self, other: FlyingPolicy) -> Self:
         """Fly as ``other`` does, with the task that it has, and remember nothing."""
-        self.task, self.told, self.execution = other.task, other.told, other.execution
+        self.task, self._told, self.execution = other.task, other.told, other.execution
         self._instruction, self._shown_for, self._plan = other._instruction, other._shown_for, other._plan.empty()
         return self
 
@@ -311,6 +312,25 @@ class FlyingPolicy(ABC):
         return language.FIELD in self.spec.observation.names
 
     @property
+    def told(self) -> str | None:
+        """What it is told in words to do; None for the environment's instruction.
+
+        Raises:
+            InvalidValueError: when set to what is like nothing that it learned from.
+        """
+        return self._told
+
+    @told.setter
+    def told(self, text: str | None) -> None:
+        known = wordings_of(self.spec)
+        if text is not None and known and language.nearest(text, known)[1] < language.ALIKE:
+            raise InvalidValueError(
+                f"Nothing that the policy learned from is like the instruction {text!r}. It knows, among others: "
+                f"{' | '.join(known[:: max(1, len(known) // MOST_NAMED)][:MOST_NAMED])}"
+            )
+        self._told = text
+
+    @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
         """All that changes while it flies, by name."""
         sights = {f"sight.{name}": sight for name, sight in self._sights.items()}
@@ -328,14 +348,26 @@ class FlyingPolicy(ABC):
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
         if self.goes_by_words:
-            text = language.embedded(self._instruction if self.told is None else self.told)
-            obs = {**obs, language.FIELD: np.tile(text, (len(next(iter(obs.values()))), 1))}
+            words = self._understood(self._instruction if self.told is None else self.told)
+            obs = {**obs, language.FIELD: np.tile(words, (len(next(iter(obs.values()))), 1))}
         if tasks == (self.spec.task,):
             return obs
         if self.task not in tasks:
             hint = "Attach it to an environment first, or set its task."
             raise UnknownNameError("task of the policy", self.task, tasks, hint)
         return completed(obs, self.spec, self.task)
+
+    def _understood(self, text: str) -> np.ndarray:
+        """Return (S,) what a network is shown for an instruction: the nearest wording that it learned from."""
+        if text != self._meant[0]:
+            meant, likeness = language.nearest(text, wordings_of(self.spec) or (text,))
+            if likeness < language.ALIKE:
+                log.warning("Nothing that the policy learned from is like the instruction %r.", text)
+                meant = text
+            elif likeness < 1.0:
+                log.warning("Understood %r as %r, %.0f %% alike.", text, meant, 100 * likeness)
+            self._meant = text, language.embedded(meant)
+        return self._meant[1]
 
     def _count(self, n: int) -> None:
         if self._worlds not in (None, n):

@@ -32,7 +32,8 @@ def in_words(episode: Episode) -> Episode:
         )
     seen = np.tile(language.embedded(text), (len(next(iter(episode.obs.values()))), 1))
     spec = replace(episode.spec, observation=ObservationSpec((*episode.spec.observation.fields, TOLD)))
-    return replace(episode, spec=spec, obs={**episode.obs, language.FIELD: seen})
+    provenance = {**episode.provenance, INSTRUCTION: text}
+    return replace(episode, spec=spec, obs={**episode.obs, language.FIELD: seen}, provenance=provenance)
 
 
 def _worded(spec: EnvSpec, uid: str) -> str:

@@ -3,7 +3,8 @@
 Demonstrations of several tasks are shown as if they came from one environment, whose observation has every field of
 any of them, zero where a task has no such field, and ``task_id``, which is 1 at the task's place and 0 elsewhere. In
 flight the environment says which task it is. Demonstrations that say in words what they do have ``instruction``
-instead, and in flight the policy is told in words.
+instead, and in flight the policy is told in words. All wordings that it learned from are then the instruction of its
+specification, a line each.
 """
 
 from collections.abc import Sequence
@@ -56,11 +57,20 @@ def united(specs: Sequence[EnvSpec]) -> EnvSpec:
 
 def unite(demos: Sequence[Episode]) -> list[Episode]:
     """Return demonstrations of one task as they are, and those of several as of one environment."""
+    if language.FIELD in demos[0].spec.observation.names:
+        wordings = "\n".join(dict.fromkeys(" ".join(demo.instruction.split()) for demo in demos))
+        demos = [replace(demo, spec=replace(demo.spec, instruction=wordings)) for demo in demos]
     specs = {demo.spec.task: demo.spec for demo in demos}
     if len(specs) < 2:
         return list(demos)
     spec = united(list(specs.values()))
     return [replace(d, spec=spec, obs=completed(d.obs, spec, d.spec.task)) for d in demos]
+
+
+def wordings_of(spec: EnvSpec) -> tuple[str, ...]:
+    """Return what a policy for ``spec`` can be told, each wording that it learned from; empty where none is kept."""
+    known = tuple(spec.instruction.splitlines()) if language.FIELD in spec.observation.names else ()
+    return known if len(known) > 1 or AND not in spec.task else ()  # once, those of several tasks stood in one line
 
 
 def as_one_of(whole: EnvSpec, spec: EnvSpec) -> EnvSpec:
