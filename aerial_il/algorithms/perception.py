@@ -317,7 +317,8 @@ class _Run:
 
     def _frames(self, flights: Sequence[Episode], moments: Moments, what: str, **options: Any) -> list[Observation]:
         """Return what there is to be seen in moments of flights."""
-        frames = drawn(self.env, flights, moments, kept_fields(self.eyes), **options)
+        looks = named_rng(self.seed, "looks", what)
+        frames = drawn(self.env, flights, moments, kept_fields(self.eyes), looks=looks, **options)
         with Progress(total=len(moments), desc=what, unit="frame", disable=not self.progress) as bar:
             parts = []
             for part in frames:

@@ -154,6 +154,15 @@ class BatchEnv(Protocol):
 
 
 @runtime_checkable
+class Repainted(Protocol):
+    """An environment whose scenes can look as in other episodes."""
+
+    def set_state_in_looks(self, states: np.ndarray, seeds: np.ndarray) -> dict[str, np.ndarray]:
+        """Continue from states (n, S) with what cameras alone notice as in other episodes, ``seeds`` (n,) int."""
+        ...
+
+
+@runtime_checkable
 class Pushable(Protocol):
     """A batch environment whose vehicle can be pushed."""
 

@@ -156,6 +156,15 @@ class BatchEnvironment:
         self._rig.start(self._worlds(mask))
         return self._seen()
 
+    def set_state_in_looks(self, states: np.ndarray, seeds: np.ndarray) -> dict[str, np.ndarray]:
+        """Continue from states (n, S) with what cameras alone notice as in other episodes, ``seeds`` (n,) int.
+
+        Where nothing of the tier is noticed by cameras alone, this is :meth:`set_state`.
+        """
+        self.simulation.set_state(states, looks=seeds)
+        self._rig.start(self._worlds(None))
+        return self._seen()
+
     def push(self, velocity: np.ndarray, mask: np.ndarray | None = None) -> None:
         """Let the bases gain velocities at once, between two steps, as a blow does; the state holds all of it.
 

@@ -48,10 +48,11 @@ from experiments.pixels.looks import IN_VIEW, begins_in_view, row_of_times, rows
 
 FLOWN, SHOWN, END_TO_END, TRUTH = "perception", "perception, no own flights", "end to end", "truth"
 TOLD, ASKED = "end to end, auxiliary loss", "end to end, dagger"
-UNMOVED = "perception, no redrawn scenes"
-SEEING = (FLOWN, SHOWN, UNMOVED)
+UNMOVED, PAINTED = "perception, no redrawn scenes", "perception, learned in looks"
+SEEING = (FLOWN, SHOWN, UNMOVED, PAINTED)
+LOOKS = "+looks:1"  # of what PAINTED learns from
 AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
-ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED)
+ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED, PAINTED)
 TASKS = (
     "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
     "rotate_valve", "insert_peg",
@@ -80,17 +81,18 @@ class Perceived(Shown):
     """A policy of the state with eyes.
 
     Attributes:
-        algorithm: how it learns to see.
+        algorithm: how it learns to see. looks: what is added to the tier in which it looks and flies while it learns.
     """
 
     algorithm: Perception
+    looks: str = ""
 
     def decided_by(self) -> dict[str, Any]:
-        return all_that_decides(self)
+        return {**all_that_decides(self), **({"looks": self.looks} if self.looks else {})}
 
     def train(self, stages: Stages, run: Path) -> Policy:
         source = self.source
-        env = stages.environment(source, source.tier, self.algorithm.worlds)
+        env = stages.environment(source, source.tier + self.looks, self.algorithm.worlds)
         try:
             shown = stages.demonstrations(source, self.demos, cameras=self.policy.images)
             return self.algorithm.train(
@@ -262,7 +264,8 @@ class Pixels:
             return self._end_to_end(arm, source, demos)
         less = {SHOWN: {"rounds": 0}, UNMOVED: {"redrawn": 0}}
         algorithm = replace(self.perception, **less.get(arm, {}))
-        return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm)
+        looks = LOOKS if arm == PAINTED else ""
+        return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm, looks)
 
     def _end_to_end(self, arm: str, source: Source, demos: int) -> Cloned | Asked:
         seeing = replace(self.end_to_end, images=self.cameras)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from time import perf_counter
 from types import SimpleNamespace
 
@@ -16,6 +17,7 @@ from aerial_il import robots
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.perception import Perception
 from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.algorithms.seeing.frames import Frames, drawn
 from aerial_il.algorithms.seeing.redrawing import HELD_M, Redrawing
 from aerial_il.collection.collect import collect
 from aerial_il.core.contracts import attach
@@ -116,6 +118,17 @@ def test_worlds_see_for_themselves(shown, tmp_path):
         policy.estimate(later)
         policy.reset(np.array([True, False, False]))
         np.testing.assert_allclose(policy.estimate(obs)["button_pos"][0], both["button_pos"][0], atol=1e-5)
+
+
+@pytest.mark.parametrize("tier", ["calm", "calm+looks:1"])
+def test_each_frame_looks_as_another_episode_where_the_tier_says_so(shown, tier):
+    flights, moments = [*open_dataset(shown)], [(0, 10)] * 3
+    load = partial(aerial_il.load_batch, "fa_hexa_arm4", "press_button", num_envs=2, image_size=(32, 32))
+    with closing(load(tier=tier, cameras=CAMERAS)) as env:
+        parts = [*drawn(env, flights, moments, ("base_rgb", "button_pos"), looks=np.random.default_rng(0))]
+    frames = Frames.joined(parts).obs
+    assert np.ptp(frames["button_pos"], axis=0).max() == 0.0
+    assert bool(np.ptp(frames["base_rgb"].astype(int), axis=0).any()) == (tier != "calm")
 
 
 def test_scenes_are_redrawn_where_flights_differ(shown):

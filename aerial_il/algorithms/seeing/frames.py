@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from aerial_il.core.contracts import BatchEnv, Observation
+from aerial_il.core.contracts import BatchEnv, Observation, Repainted
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies.perception.cameras import MOUNTS
 from aerial_il.policies.perception.eyes import Eyes, labels_of
 
+MOST_LOOKS = 2**31
 Moments = Sequence[tuple[int, int]]  # flight, step
 
 
@@ -54,14 +55,15 @@ def chosen(flights: Sequence[Episode], count: int, rng: np.random.Generator) -> 
 
 def drawn(
     env: BatchEnv, flights: Sequence[Episode], moments: Moments, names: Sequence[str],
-    *, moved: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
+    *, looks: np.random.Generator, moved: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None,
 ) -> Iterator[dict[str, np.ndarray]]:  # fmt: skip
     """Yield what there is to be seen in moments of flights, some at a time, drawn from their states.
 
     So images are as sharp as in flight, where recordings compress them, and as late as those of no camera.
 
     Args:
-        names: fields that are kept. moved: changes states (n, S) in which the tools are at (n, 3) m, world.
+        names: fields that are kept. looks: draws what cameras alone notice, where the environment's tier has any of it,
+            anew for each moment. moved: changes states (n, S) in which the tools are at (n, 3) m, world.
     """
     worlds = env.num_envs
     for start in range(0, len(moments), worlds):
@@ -70,7 +72,10 @@ def drawn(
         states = np.stack([flights[k].states[step] for k, step in padded])
         if moved is not None:
             states = moved(states, np.stack([flights[k].obs["ee_pos"][step] for k, step in padded]))
-        obs = env.set_state(states)
+        if isinstance(env, Repainted):
+            obs = env.set_state_in_looks(states, looks.integers(MOST_LOOKS, size=worlds))
+        else:
+            obs = env.set_state(states)
         yield {name: obs[name][: len(some)].copy() for name in names}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -16,7 +16,7 @@ from aerial_il.core.seeding import episode_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import disturbances, tasks, tiers
-from aerial_il.suite.disturbances.disturbance import Start
+from aerial_il.suite.disturbances.disturbance import Disturbance, Start
 from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, SEEN, Nominal
 from aerial_il.suite.episode.hold_action import hold_action
 from aerial_il.suite.physics import episode_state as layout
@@ -117,7 +117,7 @@ class Disturbances:
     def vary(self, seeds: np.ndarray, mask: np.ndarray) -> None:
         """Give the worlds in ``mask`` (n,) the model parameters of their episodes ``seeds`` (n,)."""
         for i in np.flatnonzero(mask & (self._model_seeds != seeds)) if self._fields else ():
-            fields = self._varied(int(seeds[i]))[0]
+            fields = self._varied(int(seeds[i]), self.tier.parts)[0]
             self.sights[i] = {name: fields.pop(name) for name in SEEN & fields.keys()}
             if self._workspace is not None:
                 model = self.view.worlds.own_model(int(i))
@@ -127,18 +127,26 @@ class Disturbances:
                 mujoco.mj_setConst(model, self._workspace)
             self._model_seeds[i] = seeds[i]
 
+    def look(self, seeds: np.ndarray) -> None:
+        """Show the worlds as in the episodes ``seeds`` (n,), to cameras alone, until they :meth:`vary`."""
+        seen = {name: part for name, part in self.tier.parts.items() if part.seen_alone}
+        for i, seed in enumerate(seeds.tolist() if seen else ()):
+            fields = self._varied(seed, seen)[0]
+            self.sights[i] = {name: fields[name] for name in SEEN & fields.keys()}
+            self._model_seeds[i] = -1
+
     def drawn(self, seed: int) -> dict[str, Any]:
         """Disturbances drawn for the episode ``seed``, as plain values."""
-        found = self._varied(seed)[1]
+        found = self._varied(seed, self.tier.parts)[1]
         nothing = np.zeros(self.scenario.spec.action.size)
         for name, memory in self._drawn_memories(seed, lambda: nothing).items():
             found |= self.tier.parts[name].drawn(memory)
         return found
 
-    def _varied(self, seed: int) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Values of the fields of an episode's model, and what was drawn."""
+    def _varied(self, seed: int, parts: Mapping[str, Disturbance]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Values of the fields of an episode's model, as some disturbances change them, and what was drawn."""
         fields, drawn = {name: value.copy() for name, value in self._fields.items()}, {}
-        for name, part in self.tier.parts.items():
+        for name, part in parts.items():
             if part.varies:
                 drawn |= part.vary(fields, self._nominal, self._rng(name, seed))
         return fields, drawn

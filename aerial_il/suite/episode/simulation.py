@@ -195,8 +195,10 @@ class Simulation:
         """Last part of :meth:`advance`: check the state."""
         self._check_physics(self._mask)
 
-    def set_state(self, states: np.ndarray, mask: np.ndarray | None = None) -> None:
+    def set_state(self, states: np.ndarray, mask: np.ndarray | None = None, *, looks: np.ndarray | None = None) -> None:
         """Continue from states (n, S) that ``worlds.get_state`` returned; ``mask``: (n,) bool, the worlds to set.
+
+        ``looks``: (n,) seeds of the episodes that all worlds look like, where that is not their own.
 
         Raises:
             InvalidValueError: wrong shape or seed.
@@ -217,6 +219,8 @@ class Simulation:
         _check_seeds(seeds[mask])
         self.disturbances.check(userdata[mask])
         self.disturbances.vary(seeds, mask)
+        if looks is not None:
+            self.disturbances.look(looks)
         self.worlds.set_state(states, mask)
         self._check_physics(mask)
         self.seen.resume(mask)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from colorsys import rgb_to_hsv
+from contextlib import closing
 from dataclasses import replace
 
 import mujoco
@@ -70,6 +71,33 @@ def test_images_depend_on_the_seed_and_not_on_company(name: str) -> None:
         alone, _ = flown(f"calm+{name}", np.array([seed]))
         for key in ("wrist_rgb", "base_rgb", "base_depth", "scene_rgb"):
             np.testing.assert_array_equal(alone[key][0], together[key][world])
+
+
+@pytest.mark.render
+def test_a_moment_can_be_looked_at_as_in_other_episodes() -> None:
+    """With what cameras alone notice: the load that is carried, and so the flight, stays that of the episode."""
+    action, others = random_actions(load("calm").spec.action, 1, 1)[0], SEEDS + 50
+    with closing(load("calm+looks+lens+payload")) as env:
+        env.reset(SEEDS)
+        env.step(np.tile(action, (2, 1)))
+        state = env.get_state()
+        own, other = env.set_state(state), env.set_state_in_looks(state, others)
+        went_on = env.step(np.tile(action, (2, 1))).obs
+        np.testing.assert_array_equal(env.set_state_in_looks(state, others)["base_rgb"], other["base_rgb"])
+        back = env.set_state(state)
+        as_ever = env.step(np.tile(action, (2, 1))).obs
+    for key in own:
+        np.testing.assert_array_equal(back[key], own[key])
+        if key.endswith("_rgb"):
+            assert (other[key] != own[key]).any()
+        else:
+            np.testing.assert_array_equal(other[key], own[key])
+            np.testing.assert_array_equal(went_on[key], as_ever[key])
+    with closing(load("calm")) as env:
+        state = env.reset(SEEDS) and env.get_state()
+        np.testing.assert_array_equal(
+            env.set_state_in_looks(state, others)["base_rgb"], env.set_state(state)["base_rgb"]
+        )
 
 
 @pytest.mark.render
