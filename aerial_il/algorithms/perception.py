@@ -256,6 +256,7 @@ class _Run:
         last = load_policy(self.folder.path)
         assert isinstance(last, PerceivingPolicy)
         self.eyes.load_state_dict(last.eyes.state_dict())
+        self.flown = int(last.origin["flights"])
         self.started -= self.folder.resumed.state.get("elapsed_s", 0.0)
         return int(self.folder.resumed.state["round"]) + 1
 

@@ -32,10 +32,16 @@ from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import camera_name
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.policies import load_policy
+from aerial_il.policies.act import ACT
+from aerial_il.policies.diffusion import Diffusion
+from aerial_il.policies.flow import Flow
+from aerial_il.policies.lerobot_act import LerobotACT
+from aerial_il.policies.lerobot_diffusion import LerobotDiffusion
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.policy import PerceivingPolicy
+from aerial_il.policies.recurrent import Recurrent
 from aerial_il.suite import tiers
 from experiments.common.demonstrations import NOISE, Source
 from experiments.common.record import Record
@@ -52,7 +58,12 @@ UNMOVED, PAINTED = "perception, no redrawn scenes", "perception, learned in look
 SEEING = (FLOWN, SHOWN, UNMOVED, PAINTED)
 LOOKS = "+looks:1"  # of what PAINTED learns from
 AFFORDABLE = (FLOWN, SHOWN, END_TO_END, TRUTH)
-ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED, PAINTED)
+OTHERS = (ACT(), Recurrent(), Diffusion(), Flow(), LerobotACT(), LerobotDiffusion())
+HEADS: Mapping[str, PolicySettings] = {  # arm of one network from images to actions -> what acts on what is seen
+    END_TO_END: MLP(),
+    **{f"{END_TO_END}, {each.name}": each for each in OTHERS},
+}
+ARMS = (*AFFORDABLE, TOLD, ASKED, UNMOVED, PAINTED, *list(HEADS)[1:])
 TASKS = (
     "reach", "track", "pick_place", "press_button", "push_slider", "inspect_contact", "pull_lever", "open_door",
     "rotate_valve", "insert_peg",
@@ -126,7 +137,8 @@ class Pixels:
     """Settings.
 
     Attributes:
-        policy: of the state. perception: how networks learn to see for it. end_to_end, cloning: the other route.
+        policy: of the state. perception: how networks learn to see for it.
+        heads, cloning: the other route, arm -> policy from images to actions, and how all of these are cloned.
         asking: how it goes on in its own flights, where it does; each time it learns as ``cloning`` says.
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
@@ -144,7 +156,7 @@ class Pixels:
 
     policy: PolicySettings = field(default_factory=MLP)
     perception: Perception = Perception()
-    end_to_end: PolicySettings = field(default_factory=MLP)
+    heads: Mapping[str, PolicySettings] = field(default_factory=lambda: dict(HEADS))
     cloning: BC = BC(steps=8_000, batch_size=64, mixed_precision=True)
     asking: DAgger = DAgger(rounds=3, episodes=60, between_steps=3_000, evaluate_every=0, gate=CoinGate(beta="zero"))
     noise: float = NOISE
@@ -174,6 +186,8 @@ class Pixels:
                     raise UnknownNameError(what, name, valid)
         for tier in self.flown_in:
             tiers.get(tier)
+        if set(self.heads) != set(HEADS):
+            raise InvalidValueError(f"heads are of the arms {', '.join(HEADS)}; {', '.join(self.heads)} are given.")
         if min(self.demos, self.episodes, *self.sizes) < 1:
             raise InvalidValueError("demos, sizes and episodes start at 1.")
         if not all((self.draws, self.arms, self.cameras, self.tasks, self.flown_in)):
@@ -260,7 +274,7 @@ class Pixels:
         )
         if arm == TRUTH:
             return Cloned(arm, source, demos, self.policy, self.perception.training)
-        if arm in (END_TO_END, TOLD, ASKED):
+        if arm in (*self.heads, TOLD, ASKED):
             return self._end_to_end(arm, source, demos)
         less = {SHOWN: {"rounds": 0}, UNMOVED: {"redrawn": 0}}
         algorithm = replace(self.perception, **less.get(arm, {}))
@@ -268,7 +282,7 @@ class Pixels:
         return Perceived(arm, source, demos, replace(self.policy, images=self.cameras), algorithm, looks)
 
     def _end_to_end(self, arm: str, source: Source, demos: int) -> Cloned | Asked:
-        seeing = replace(self.end_to_end, images=self.cameras)
+        seeing = replace(self.heads.get(arm, self.heads[END_TO_END]), images=self.cameras)
         hidden = replace(seeing, masked_fields=(*seeing.masked_fields, TO_BE_SEEN))
         if arm == ASKED:
             return Asked(arm, source, demos, hidden, replace(self.asking, training=self.cloning))

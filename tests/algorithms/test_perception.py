@@ -101,8 +101,12 @@ def test_killed_between_rounds_it_ends_with_the_same_policy(shown, tmp_path, mon
     resumed = trained(shown, tmp_path / "cut")
     first, second = (row["elapsed_s"] for row in read_metrics(tmp_path / "cut"))
     assert second > first, "what it took before counts"
-    for one, other in zip(whole.eyes.parameters(), resumed.eyes.parameters(), strict=True):
-        np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())
+    shutil.rmtree(tmp_path / "cut" / "policy")
+    ended = trained(shown, tmp_path / "cut")
+    for again in (resumed, ended):
+        assert again.origin["flights"] == whole.origin["flights"] == SMALL.episodes
+        for one, other in zip(whole.eyes.parameters(), again.eyes.parameters(), strict=True):
+            np.testing.assert_array_equal(one.detach().numpy(), other.detach().numpy())
 
 
 def test_worlds_see_for_themselves(shown, tmp_path):

@@ -26,7 +26,7 @@ from aerial_il.policies.mlp import MLP
 from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from experiments.panda.study import REACH
 from experiments.pixels.changes import CHANGES
-from experiments.pixels.study import ARMS
+from experiments.pixels.study import ARMS, HEADS
 from experiments.umi.study import OF_THE_TOOL
 from tests.experiments.test_adroit import DATA as ADROIT
 
@@ -126,7 +126,7 @@ SETTINGS: dict[str, Callable[[], dict[str, Any]]] = {
         "perception": Perception(
             training=CLONING, steps=2, more_steps=2, batch_size=4, width=8, frames=4, redrawn=2, flown=2, episodes=1
         ),
-        "end_to_end": MLP(hidden=(8,), image_features=4),
+        "heads": {arm: replace(head, image_features=4) for arm, head in HEADS.items()},
         "cloning": BC(steps=2, batch_size=4, validation=0.0),
         "asking": DAgger(rounds=1, episodes=1, between_steps=2, evaluate_every=0),
         "arms": ARMS,
