@@ -20,6 +20,7 @@ sees the truth); D. Chen et al., "Learning by Cheating", 2019 (to see and to act
 
 from __future__ import annotations
 
+import logging
 import os
 import shutil
 import time
@@ -64,7 +65,8 @@ from aerial_il.policies.perception.network import loss_of, told_of
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import PLACE, Targets
 
-FLIGHTS = "flights"
+log = logging.getLogger(__name__)
+FLIGHTS, ESTIMATION = "flights", "estimation"  # folder of its own flights; component of a tier
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,6 +163,11 @@ class Perception:
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
         check_cameras(demos[0], env.model, policy.images)  # type: ignore[arg-type]
+        if ESTIMATION in env.spec.disturbances:
+            log.warning(
+                "In tier %s objects are shown with errors, and frames are labelled with these: places are learned "
+                "less well. Fly without: flight_tier=%s-estimation.", env.spec.tier, env.spec.tier,
+            )  # fmt: skip
         told = tuple(name for name in policy.masked_fields if name != TO_BE_SEEN)
         state = replace(policy, images=(), masked_fields=told)
         clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)

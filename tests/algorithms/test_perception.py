@@ -188,6 +188,14 @@ def test_without_images_nothing_is_seen(shown, tmp_path):
         SMALL.train(open_dataset(shown), MLP(), run=tmp_path / "run", env=env, collect=collect)
 
 
+@pytest.mark.parametrize("tier", ["gusts", "gusts-estimation"])
+def test_labels_with_errors_are_named(shown, tmp_path, tier, caplog):
+    load = partial(aerial_il.load_batch, "fa_hexa_arm4", "press_button", num_envs=2, image_size=(32, 32))
+    with closing(load(tier=tier, cameras=CAMERAS)) as env:
+        trained_on(open_dataset(shown, cameras=IMAGES), tmp_path / "run", env, replace(SMALL, rounds=0))
+    assert ("flight_tier=gusts-estimation" in caplog.text) == (tier == "gusts")
+
+
 def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monkeypatch):
     policy = trained(shown, tmp_path / "run", replace(SMALL, rounds=0))
     robot = robots.get("fa_hexa_arm4")
