@@ -20,7 +20,6 @@ sees the truth); D. Chen et al., "Learning by Cheating", 2019 (to see and to act
 
 from __future__ import annotations
 
-import logging
 import os
 import shutil
 import time
@@ -53,19 +52,19 @@ from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
 from aerial_il.core.scene_gate import compiled
 from aerial_il.core.seeding import named_rng, torch_threads
-from aerial_il.core.specs import camera_name
+from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
+from aerial_il.policies.perception.cameras import Camera
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.network import loss_of, told_of
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import PLACE, Targets
 
-log = logging.getLogger(__name__)
 FLIGHTS, ESTIMATION = "flights", "estimation"  # folder of its own flights; component of a tier
 
 
@@ -152,7 +151,8 @@ class Perception:
             progress: show progress bars.
 
         Raises:
-            InvalidValueError: no images are named, or where their cameras are is not known.
+            InvalidValueError: no images are named, one has no colours, where its camera is is not known, or the
+                environment shows objects with errors.
         """
         if not policy.images:
             raise InvalidValueError(
@@ -162,12 +162,8 @@ class Perception:
         run, demos = Path(run), [_without_images(episode) for episode in dataset if episode.success]
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
+        check_labels(env.spec)
         check_cameras(demos[0], env.model, policy.images)  # type: ignore[arg-type]
-        if ESTIMATION in env.spec.disturbances:
-            log.warning(
-                "In tier %s objects are shown with errors, and frames are labelled with these: places are learned "
-                "less well. Fly without: flight_tier=%s-estimation.", env.spec.tier, env.spec.tier,
-            )  # fmt: skip
         told = tuple(name for name in policy.masked_fields if name != TO_BE_SEEN)
         state = replace(policy, images=(), masked_fields=told)
         clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
@@ -193,13 +189,30 @@ def _without_images(demo: Episode) -> Episode:
     return replace(demo, obs={name: demo.obs[name] for name in demo.spec.observation.state_names})
 
 
+def check_labels(spec: EnvSpec) -> None:
+    """Refuse an environment in which frames would be labelled with errors.
+
+    Raises:
+        InvalidValueError: says how to do without them.
+    """
+    if ESTIMATION in spec.disturbances:
+        raise InvalidValueError(
+            f"In tier {spec.tier} objects are shown late and with errors, and frames would be labelled with them. Let "
+            f"it look and fly without: flight_tier={spec.tier}-{ESTIMATION}."
+        )
+
+
 def check_cameras(demo: Episode, model: mujoco.MjModel, images: Sequence[str]) -> None:
     """Refuse demonstrations that were taken through other cameras than the robot has now.
 
     Raises:
-        InvalidValueError: names the camera, and how it differs.
+        InvalidValueError: names the camera, and how it differs; or the image that is not one to measure in.
     """
     recorded = compiled(demo.model_xml)
+    for image in images:
+        if not demo.spec.observation[image].is_colour:
+            raise InvalidValueError(f"algorithm=perception looks at colour images, and {image!r} has no colours.")
+        Camera.of(demo.spec, image)
     for name in map(camera_name, images):
         then, now = (each.cam(name) for each in (recorded, model))
         same = {key: np.allclose(getattr(then, key), getattr(now, key), atol=1e-6) for key in ("fovy", "pos", "quat")}
@@ -308,7 +321,7 @@ class _Run:
             flights = self._own_flights(k)
             self.flown, self.solved = self.flown + len(flights), self.solved + sum(f.success for f in flights)
             moments = chosen(flights, self.settings.flown, named_rng(self.seed, "flown", str(k)))
-            parts += self._frames(flights, moments, "own frames")
+            parts += self._frames(flights, moments, f"own frames {k}")
         return Lessons.of(self.eyes, Frames.joined(parts))
 
     @cached_property

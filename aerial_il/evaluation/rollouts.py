@@ -178,6 +178,14 @@ def weights_of(policy: Policy) -> str | None:
     return checkpoint.digest(saved) if saved else getattr(policy, "sha256", None)
 
 
+def _instruction(policy: Policy, spec: EnvSpec) -> dict[str, str]:
+    """Return what a policy is told to do, and the wording that it takes that for, where this is another."""
+    told = getattr(policy, "told", None)
+    said = {"instruction": spec.instruction if told is None else told}
+    meant = getattr(policy, "understood", None)
+    return {**said, **({} if meant in (None, said["instruction"]) else {"understood": meant})}
+
+
 def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
     """Return where a result of ``policy`` in ``env`` comes from: code, packages, machine, environment and weights."""
     spec, torch = env.spec, sys.modules.get("torch")
@@ -185,7 +193,7 @@ def origin_of(env: BatchEnv, policy: Policy) -> dict[str, Any]:
         **provenance(),
         "engine": env.engine,
         "environment": {
-            "instruction": told if (told := getattr(policy, "told", None)) is not None else spec.instruction,
+            **_instruction(policy, spec),
             "action_level": spec.action.level,
             **{name: getattr(spec, name) for name in ("controller", "control_dt_s", "max_steps")},
             "num_envs": env.num_envs,

@@ -11,7 +11,7 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.specs import camera_name
+from aerial_il.core.specs import camera_text
 from aerial_il.links.guard import Guard
 from aerial_il.links.link import Link, Mode
 from aerial_il.links.loop import RobotLoop
@@ -39,7 +39,7 @@ class LinkedEnvironment(BatchEnvBase):
         self.loop, self.spec = RobotLoop(link, guard), link.spec
         self._here: SimulatedRobot | None = getattr(link, "robot", None)
         spec = self.spec
-        cameras = [camera_name(each.name) for each in spec.observation.of_group("image")]
+        cameras = [camera_text(each, spec.control_dt_s) for each in spec.observation.of_group("image")]
         cell = spec.robot, spec.task, spec.tier, spec.action.level
         self.scenario = Scenario(*cell, cameras, controller=spec.controller)
         self.model, self.model_xml = self.scenario.compile(), self.scenario.xml

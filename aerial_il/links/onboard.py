@@ -33,24 +33,29 @@ class Flight:
     """What was flown.
 
     Attributes:
-        obs: name -> (T + 1, ...). actions: (T, Da). loop: how it kept time. why: it ended; empty for its time.
+        obs: name -> (T + 1, ...). actions: (T, Da). sent: (T,) bool, the guard did not object to it.
+        loop: how it kept time. why: it ended; empty for its time.
     """
 
     obs: dict[str, np.ndarray]
     actions: np.ndarray
+    sent: np.ndarray
     loop: RobotLoop
     why: str
 
     def save(self, path: Path) -> None:
-        """Write transitions, one for each tick, with the names of what the observations hold."""
+        """Write transitions with the names of what the observations hold, one for each tick that an action was sent in.
+
+        Where the robot held by itself, one piece of the flight ends and another begins.
+        """
         spec = self.loop.spec.observation
         seen = spec.flatten(self.obs, spec.state_names)
         labels = [label for name in spec.state_names for label in spec[name].element_labels()]
-        ends = np.arange(len(self.actions)) == len(self.actions) - 1
-        times = self.loop.spec.control_dt_s * np.arange(len(self.actions))
+        rows = np.flatnonzero(self.sent)
         np.savez_compressed(
-            path, observations=seen[:-1], next_observations=seen[1:], actions=self.actions, truncations=ends,
-            timestamps=times, labels=np.array(labels),
+            path, observations=seen[:-1][rows], next_observations=seen[1:][rows], actions=self.actions[rows],
+            truncations=np.diff(rows, append=-1) != 1, timestamps=self.loop.spec.control_dt_s * rows,
+            labels=np.array(labels),
         )  # fmt: skip
 
 
@@ -79,16 +84,22 @@ def fly(
     pilot.loop = loop
     loop.join() if seed is None else loop.begin(seed)
     pilot.reset()
-    seen, flown, why = [dict(loop.obs)], [], ""
-    while not why and len(flown) < round(seconds / dt):
-        action = pilot.act({name: value[None] for name, value in loop.obs.items()})[0]
-        loop.tick(action)
-        flown.append(action)
-        seen.append(dict(loop.obs))
-        ends = ("success", "crash", "dropped")
-        why = loop.trouble if loop.watch.over else next((each for each in ends if loop.told.get(each)), "")
-    pilot.close()
-    return Flight({name: np.array([each[name] for each in seen]) for name in seen[0]}, np.array(flown), loop, why)
+    began, ticks, why = dict(loop.obs), list[tuple[np.ndarray, bool, dict[str, np.ndarray]]](), ""
+    try:
+        while not why and len(ticks) < round(seconds / dt):
+            action, held = pilot.act({name: value[None] for name, value in loop.obs.items()})[0], loop.held
+            loop.tick(action)
+            ticks.append((action, loop.held == held, dict(loop.obs)))
+            ends = ("success", "crash", "dropped")
+            why = loop.trouble if loop.watch.over else next((each for each in ends if loop.told.get(each)), "")
+    except KeyboardInterrupt:
+        why = "interrupted"
+    finally:
+        pilot.close()
+    seen = [began, *(obs for *_, obs in ticks)]
+    actions = np.reshape([action for action, *_ in ticks], (-1, loop.spec.action.size))
+    sent = np.array([each for _, each, _ in ticks], bool)
+    return Flight({name: np.array([each[name] for each in seen]) for name in began}, actions, sent, loop, why)
 
 
 def main(words: Sequence[str], here: Callable[[], Any] | None = None) -> int:
@@ -106,7 +117,8 @@ def main(words: Sequence[str], here: Callable[[], Any] | None = None) -> int:
         return 2
     if out:
         flight.save(out)
-    print(f"{len(flight.actions)} ticks{': ' + flight.why if flight.why else ''}. {flight.loop.timing.summary()}")
+    held = f", {flight.loop.held} held" if flight.loop.held else ""
+    print(f"{len(flight.actions)} ticks{held}{': ' + flight.why if flight.why else ''}. {flight.loop.timing.summary()}")
     return 0
 
 

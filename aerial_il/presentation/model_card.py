@@ -25,6 +25,7 @@ def model_card(
     spec, layout, config = policy.spec, policy.interface.layout, policy.config
     fields = [spec.observation[name] for name in (*layout.names, *layout.images)]
     told = wordings_of(spec)
+    tell = f"policy.told = {told[0]!r}\n" if told else ""
     bounds = zip(spec.action.labels, spec.action.units, spec.action.low, spec.action.high, strict=True)
     facts = {
         "robot": plain(spec.robot),
@@ -44,7 +45,8 @@ def model_card(
         "## Fly it",
         "```sh\npip install --no-deps aerial-il\npip install numpy onnxruntime\n```",
         '```python\nimport aerial_il\n\npolicy = aerial_il.load_policy("FOLDER")   # this one\n'
-        "policy.reset()\naction = policy.act(obs)   # obs: field -> (n, ...); action: (n, Da); at every control step\n"
+        f"{tell}policy.reset()\n"
+        "action = policy.act(obs)   # obs: field -> (n, ...); action: (n, Da); at every control step\n"
         "```",
         "## What it can be told" if told else "",
         "\n".join(f"- {plain(text)}" for text in told),

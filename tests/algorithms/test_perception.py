@@ -188,12 +188,30 @@ def test_without_images_nothing_is_seen(shown, tmp_path):
         SMALL.train(open_dataset(shown), MLP(), run=tmp_path / "run", env=env, collect=collect)
 
 
-@pytest.mark.parametrize("tier", ["gusts", "gusts-estimation"])
-def test_labels_with_errors_are_named(shown, tmp_path, tier, caplog):
+def test_labels_with_errors_are_refused(shown, tmp_path):
     load = partial(aerial_il.load_batch, "fa_hexa_arm4", "press_button", num_envs=2, image_size=(32, 32))
-    with closing(load(tier=tier, cameras=CAMERAS)) as env:
-        trained_on(open_dataset(shown, cameras=IMAGES), tmp_path / "run", env, replace(SMALL, rounds=0))
-    assert ("flight_tier=gusts-estimation" in caplog.text) == (tier == "gusts")
+    demos, settings = open_dataset(shown, cameras=IMAGES), replace(SMALL, rounds=0)
+    with closing(load(tier="gusts", cameras=CAMERAS)) as env:
+        with pytest.raises(InvalidValueError, match="flight_tier=gusts-estimation"):
+            trained_on(demos, tmp_path / "run", env, settings)
+        assert not (tmp_path / "run").exists(), "before anything is learned"
+    with closing(load(tier="gusts-estimation", cameras=CAMERAS)) as env:
+        trained_on(demos, tmp_path / "run", env, settings)
+
+
+@pytest.mark.parametrize(
+    ("image", "said"),
+    [("wrist_depth", "'wrist_depth' has no colours"), ("scene_rgb", r"'scene_rgb' is not taken .* carries \(wrist")],
+)
+def test_images_that_nothing_can_be_measured_in_are_refused_at_once(tmp_path, image, said):
+    cameras = ("wrist:depth", "scene")
+    load = partial(aerial_il.load_batch, "fa_hexa_arm4", "press_button", num_envs=1, image_size=(24, 24))
+    with closing(load(cameras=cameras)) as env:
+        collect(env, aerial_il.expert("fa_hexa_arm4", "press_button"), range(1), tmp_path / "demos", progress=False)
+        demos, policy = open_dataset(tmp_path / "demos"), replace(POLICY, images=(image,))
+        with pytest.raises(InvalidValueError, match=said):
+            SMALL.train(demos, policy, run=tmp_path / "run", env=env, collect=collect, progress=False)
+    assert not (tmp_path / "run").exists()
 
 
 def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monkeypatch):

@@ -302,13 +302,15 @@ def test_in_real_time_ticks_are_counted(tmp_path: Path) -> None:
 
 @pytest.mark.render
 def test_images_are_shown_in_real_time() -> None:
-    env = linked(Simulated(clock="wall"), cameras=("wrist",), image_size=(30, 40))
+    env = linked(Simulated(clock="wall"), cameras=("wrist", "wrist:depth"), image_size=(30, 40))
     for seed in (0, 1):  # a reset draws on this thread, flying on the robot's
         first = env.reset(seed)["wrist_rgb"]
         for _ in range(10):
-            shown = env.step(still(env)).obs["wrist_rgb"]
+            obs = env.step(still(env)).obs
     env.close()
+    shown = obs["wrist_rgb"]
     assert shown.shape == first.shape == (1, 30, 40, 3)
+    assert obs["wrist_depth"].shape == (1, 30, 40)
     assert shown.std() > 0.0
 
 

@@ -36,6 +36,15 @@ def test_nonsense_is_like_nothing(text: str) -> None:
     assert language.nearest(text, known)[1] < language.ALIKE
 
 
+@pytest.mark.parametrize("task", tasks.names())
+def test_what_forbids_something_is_not_understood_as_an_order(task: str) -> None:
+    known = (tasks.get(task).instruction, *tasks.get(task).wordings)
+    for text in (*known, *tasks.get(task).held_out):
+        assert language.understood(text, known) in known, text
+        for forbids in ("Do not", "Please don't", "不要", "请勿", "Never"):
+            assert language.understood(f"{forbids} {text}", known) is None, forbids
+
+
 def test_order_of_words_counts() -> None:
     said = "Put the orange cube beside the blue bowl."
     other = "Put the blue cube beside the orange bowl."

@@ -203,6 +203,10 @@ def test_what_cannot_be_learned_together_is_refused(demos: list[Episode]) -> Non
     wide = replace(HANG, observation=ObservationSpec((*KEPT[1:], replace(KEPT[0], shape=(2,)))))
     with pytest.raises(InvalidValueError, match="'ee_pos' of hang is not that of the other tasks"):
         unite([demos[0], replace(demos[-1], spec=wide)])
+    cloud = replace(demos[0], uid="of another", spec=replace(SPEC, robot="cloud"))
+    for mixed in ([cloud, demos[0], demos[-1]], [demos[0], cloud, demos[-1]]):
+        with pytest.raises(InvalidValueError, match="robot"):
+            unite(mixed)
 
 
 def test_what_was_saved_under_an_older_name_of_a_setting_still_flies(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.policies import load_policy
 from aerial_il.policies.mlp import MLP
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+from aerial_il.policies.parts.execution import Execution
 from aerial_il.policies.parts.layout import Interface, Layout
 from aerial_il.policies.parts.network import Seen
 from aerial_il.policies.parts.normaliser import Normaliser
@@ -62,6 +63,15 @@ def test_every_policy_sees_and_flies_alike_after_saving(name: str, tmp_path: Pat
     policy.reset()
     other = policy.act({**first, "base_rgb": 255 - first["base_rgb"]})
     assert not np.array_equal(action, other), "what a camera shows must matter"
+
+
+@pytest.mark.parametrize("name", ["diffusion", "flow"])
+def test_who_denoises_can_be_led_though_it_sees(name: str) -> None:
+    plain, obs = fresh_policy(name, chunk=12, execute=4, ensemble=None), look(3, np.random.default_rng(1))
+    led = plain.executing(Execution(chunks="realtime", delay_ms=40))
+    first, second = ([each.act(obs) for _ in range(14)] for each in (plain, led))
+    assert np.isfinite(second).all()
+    assert not np.array_equal(first, second)
 
 
 def test_worlds_see_their_own_history() -> None:

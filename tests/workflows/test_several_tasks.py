@@ -3,6 +3,7 @@
 import json
 import shutil
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,11 +13,14 @@ import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.core import language
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import ObservationSpec
 from aerial_il.evaluation.result import load_result
 from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies import load_flying
+from aerial_il.policies.parts.language import TOLD
 from aerial_il.policies.parts.tasks import wordings_of
 from aerial_il.workflows.parts import demonstrations, run_results
+from tests.links.test_fly import fresh_policy
 
 QUIET = "progress=false"
 TASKS = ("press_button", "reach")
@@ -120,6 +124,35 @@ def test_other_words_are_taken_for_the_nearest_that_it_learned_from(
         policy.told = known[0]
         assert np.any(policy.act(obs) != other.act(obs))
         assert not caplog.text, "what was learned from needs no word"
+
+
+def test_a_result_says_what_an_instruction_was_taken_for(worded: Path, tmp_path: Path) -> None:
+    known = wordings_of(load_flying(worded).spec)[0]
+    asked = [f"policy={worded}", "task=reach", "episodes=1", "videos=0", f"out={tmp_path / 'out'}", QUIET]
+    assert main(["evaluate", *asked, f"instruction={known} Now!"]) == 0
+    told = load_result(tmp_path / "out").provenance["environment"]
+    assert (told["instruction"], told["understood"]) == (f"{known} Now!", known)
+
+
+def test_before_it_is_told_anything_it_does_not_act(worded: Path) -> None:
+    policy = load_flying(worded)
+    with closing(aerial_il.load_batch("ua_quad_arm4", "press_button", num_envs=1)) as env:
+        obs = env.reset(np.array([0]))
+        policy.task = "press_button"
+        with pytest.raises(InvalidValueError, match="set its `told`, or attach it first"):
+            policy.act(obs)
+        policy.told = wordings_of(policy.spec)[0]
+        policy.act(obs)
+
+
+def test_a_policy_that_kept_one_line_is_told_anything() -> None:
+    """Before wordings were kept, the instruction of the task stood there, whatever had been learned from."""
+    with closing(aerial_il.load_batch("ua_quad_arm4", "press_button", num_envs=1)) as env:
+        spec = replace(env.spec, observation=ObservationSpec((*env.spec.observation.fields, TOLD)))
+        policy = fresh_policy("mlp", spec=spec)
+        policy.attach(env)
+        policy.told = "按下红色按钮。"
+        assert policy.understood == policy.told
 
 
 def test_an_instruction_for_nothing_that_it_knows_is_refused(

@@ -95,7 +95,8 @@ class FlyingPolicy(ABC):
         self._worlds: int | None = None
         self.task, self.execution = self.spec.task, AS_TRAINED
         self._told: str | None = None
-        self._instruction, self._meant = self.spec.instruction, ("", np.zeros(0))
+        self._instruction: str | None = None if wordings_of(self.spec) else self.spec.instruction
+        self._meant: tuple[str, str] = ("", "")  # what it was told, and what it takes that for
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
@@ -323,12 +324,18 @@ class FlyingPolicy(ABC):
     @told.setter
     def told(self, text: str | None) -> None:
         known = wordings_of(self.spec)
-        if text is not None and known and language.nearest(text, known)[1] < language.ALIKE:
+        if text is not None and known and language.understood(text, known) is None:
             raise InvalidValueError(
                 f"Nothing that the policy learned from is like the instruction {text!r}. It knows, among others: "
                 f"{' | '.join(known[:: max(1, len(known) // MOST_NAMED)][:MOST_NAMED])}"
             )
         self._told = text
+
+    @property
+    def understood(self) -> str | None:
+        """The wording that it learned from and takes its instruction for; None where it is told nothing in words."""
+        text = self._instruction if self.told is None else self.told
+        return self._understood(text) if self.goes_by_words and text is not None else None
 
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
@@ -348,8 +355,9 @@ class FlyingPolicy(ABC):
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
         if self.goes_by_words:
-            words = self._understood(self._instruction if self.told is None else self.told)
-            obs = {**obs, language.FIELD: np.tile(words, (len(next(iter(obs.values()))), 1))}
+            if (meant := self.understood) is None:
+                raise InvalidValueError("The policy is told in words what to do: set its `told`, or attach it first.")
+            obs = {**obs, language.FIELD: np.tile(language.embedded(meant), (len(next(iter(obs.values()))), 1))}
         if tasks == (self.spec.task,):
             return obs
         if self.task not in tasks:
@@ -357,16 +365,16 @@ class FlyingPolicy(ABC):
             raise UnknownNameError("task of the policy", self.task, tasks, hint)
         return completed(obs, self.spec, self.task)
 
-    def _understood(self, text: str) -> np.ndarray:
-        """Return (S,) what a network is shown for an instruction: the nearest wording that it learned from."""
+    def _understood(self, text: str) -> str:
+        """Return the wording that is nearest to an instruction, or itself where it is like none; said once."""
         if text != self._meant[0]:
-            meant, likeness = language.nearest(text, wordings_of(self.spec) or (text,))
-            if likeness < language.ALIKE:
+            known = wordings_of(self.spec)
+            meant = language.understood(text, known) if known else text
+            if meant is None:
                 log.warning("Nothing that the policy learned from is like the instruction %r.", text)
-                meant = text
-            elif likeness < 1.0:
-                log.warning("Understood %r as %r, %.0f %% alike.", text, meant, 100 * likeness)
-            self._meant = text, language.embedded(meant)
+            elif meant != text:
+                log.warning("Understood %r as %r.", text, meant)
+            self._meant = text, meant or text
         return self._meant[1]
 
     def _count(self, n: int) -> None:

@@ -56,21 +56,33 @@ def united(specs: Sequence[EnvSpec]) -> EnvSpec:
 
 
 def unite(demos: Sequence[Episode]) -> list[Episode]:
-    """Return demonstrations of one task as they are, and those of several as of one environment."""
+    """Return demonstrations of one task as they are, and those of several as of one environment.
+
+    Raises:
+        InvalidValueError: those of one task, or of all, come from several environments.
+    """
     if language.FIELD in demos[0].spec.observation.names:
         wordings = "\n".join(dict.fromkeys(" ".join(demo.instruction.split()) for demo in demos))
         demos = [replace(demo, spec=replace(demo.spec, instruction=wordings)) for demo in demos]
-    specs = {demo.spec.task: demo.spec for demo in demos}
+    specs = dict[str, EnvSpec]()
+    for demo in demos:
+        specs.setdefault(demo.spec.task, demo.spec)
     if len(specs) < 2:
         return list(demos)
+    for demo in demos:
+        if differing := specs[demo.spec.task].differences(demo.spec):
+            raise InvalidValueError(f"Episode {demo.uid} comes from another environment: {'; '.join(differing)}.")
     spec = united(list(specs.values()))
     return [replace(d, spec=spec, obs=completed(d.obs, spec, d.spec.task)) for d in demos]
 
 
 def wordings_of(spec: EnvSpec) -> tuple[str, ...]:
-    """Return what a policy for ``spec`` can be told, each wording that it learned from; empty where none is kept."""
+    """Return what a policy for ``spec`` can be told, each wording that it learned from; empty where these are not kept.
+
+    Once they were not: there was one line, whatever had been learned from.
+    """
     known = tuple(spec.instruction.splitlines()) if language.FIELD in spec.observation.names else ()
-    return known if len(known) > 1 or AND not in spec.task else ()  # once, those of several tasks stood in one line
+    return known if len(known) > 1 else ()
 
 
 def as_one_of(whole: EnvSpec, spec: EnvSpec) -> EnvSpec:

@@ -12,7 +12,7 @@ section III-B; random crops: D. Yarats et al., "Image Augmentation Is All You Ne
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -64,10 +64,10 @@ class VisionNetwork(ChunkNetwork):
             _check_size(name, _cropped(shape, config.crop))
         self.eyes = nn.ModuleList(_encoder(config) for _ in self.cameras)
         self.body = config.build(layout.size + len(self.cameras) * config.image_features, layout.spec.action.size)
-        self.noise_size, self.redraws = self.body.noise_size, self.body.redraws
+        self.noise_size, self.redraws, self.guided = self.body.noise_size, self.body.redraws, self.body.guided
 
-    def forward(self, obs: Seen, noise: Tensor | None = None) -> Tensor:
-        return self.body(self.see(obs), noise) if self.noise_size else self.body(self.see(obs))
+    def forward(self, obs: Seen, *noise: Tensor, **guide: Any) -> Tensor:
+        return self.body(self.see(obs), *noise, **guide)
 
     def loss(self, obs: Seen, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
         return self.body.loss(self.see(obs), actions, valid)

@@ -79,7 +79,7 @@ def find_sums(spec: ObservationSpec, obs: Observation) -> tuple[Sum, ...]:
     for name in places_of(spec):
         names = tuple(sources)
         terms = _solved(np.stack([sources[each].ravel() for each in names], axis=1), obs[name].ravel())
-        if terms is None:
+        if terms is None or not terms.any():  # of nothing, it never left zero
             sources[name] = obs[name]
         else:
             found.append(Sum(name, tuple((n, float(c)) for n, c in zip(names, terms, strict=True) if c)))

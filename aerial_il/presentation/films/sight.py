@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 
 from aerial_il.core.contracts import Observation
 from aerial_il.policies.parts.flying import FlyingPolicy
+from aerial_il.policies.parts.vision import FAR_M
 from aerial_il.policies.perception.cameras import Camera
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import PLACE
@@ -28,7 +29,7 @@ class Sight:
     """
 
     def __init__(self, policy: FlyingPolicy) -> None:
-        self.images = policy.interface.layout.images
+        self.images, self._spec = policy.interface.layout.images, policy.spec.observation
         self._policy = policy.fresh() if isinstance(policy, PerceivingPolicy) else None
         self._obs: dict[str, np.ndarray] = {}
         self._estimates: Mapping[str, np.ndarray] = {}
@@ -55,6 +56,8 @@ class Sight:
     def _image(self, name: str, height: int) -> Image.Image:
         shown = self._obs[name][0]
         size = (round(height * shown.shape[1] / shown.shape[0]), height)
+        if self._spec[name].is_depth:
+            shown = np.uint8(255.0 * np.clip(shown / FAR_M, 0.0, 1.0))
         picture = Image.fromarray(shown).resize(size, Image.Resampling.NEAREST)
         if self._policy is not None:
             camera = next(each for each in self._policy.eyes.cameras if each.image == name)

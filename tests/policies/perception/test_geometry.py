@@ -107,6 +107,8 @@ def test_sums_are_found_and_others_are_not():
     assert found == {"tool_to_a": {"a_pos": 1.0, "ee_pos": -1.0}, "end": {"a_pos": 1.0, "axis": pytest.approx(0.04)}}
     obs["tool_to_a"][7] += 0.2  # one step in which it does not hold
     assert [each.field for each in find_sums(SPEC, obs)] == ["end"]
+    obs["b_to_a"] = np.full_like(obs["b_to_a"], 1e-5)
+    assert [each.field for each in find_sums(SPEC, obs)] == ["end"], "what never left zero is a sum of nothing"
 
 
 TURNING = ObservationSpec(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il.policies.parts.vision import FAR_M
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import Targets
@@ -41,6 +42,18 @@ def test_estimates_and_truth_are_drawn_where_they_are(monkeypatch: pytest.Monkey
     rows, columns = np.nonzero((drawn[200:] == TRUTH).all(-1))
     near = np.hypot(rows - 100 * (1 - up), columns - 100 * (1 + across)).min()
     assert near < 12
+
+
+def test_depth_is_grey_from_near_to_far() -> None:
+    env = aerial_il.load_batch("fa_hexa_arm4", "pick_place", num_envs=1, cameras=("base:depth",), image_size=(32, 32))
+    with closing(env):
+        obs = env.reset(3)
+        policy = fresh_policy("mlp", spec=env.spec, hidden=(8,), images=("base_depth",))
+        sight = sight_of(policy)
+        assert isinstance(sight, Sight)
+        sight.look(obs)
+        grey = sight.picture(32)[..., 0]
+    np.testing.assert_allclose(grey / 255, np.clip(obs["base_depth"][0] / FAR_M, 0.0, 1.0), atol=0.01)
 
 
 def test_who_does_not_look_has_no_sight() -> None:
