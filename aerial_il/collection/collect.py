@@ -306,11 +306,12 @@ class _Collector:
         phases, late = phase_of(self.policy, self.env.num_envs), self._cut_off(result.truncated)
         for world in np.flatnonzero(ended).tolist():
             won = bool(result.info["success"][world] and not crash[world])
-            objection = objection_of(self.policy, world) if won else ""
+            objection = objection_of(self.policy, world)
             success = won and not objection
             path = self.folder.file(self._uids[world], DEMOS if success else FAILURES)
-            note = DROPPED if dropped[world] else objection
-            ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world])}
+            cut = str(result.info["ended"][world]) if "ended" in result.info and not won else ""
+            note = DROPPED if dropped[world] else cut or objection
+            ends = {"crash": bool(result.terminated[world]), "timeout": bool(late[world]) and not cut}
             why = failure_of(success=success, dropped=bool(dropped[world]), **ends)
             flown, told = self._flown(world, why, int(phases[world])), made_of(self.policy, world)
             file = self.recorder.finish(world, success=success, path=path, note=note, made_of=told)

@@ -9,6 +9,8 @@ import numpy as np
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.provenance import instruction_of
 
+PERTURBATION = "perturbation"  # topic of what met a vehicle in each step: a push of its base (3,), whether fingers slip
+
 
 @dataclass(frozen=True, eq=False)
 class Episode:
@@ -100,8 +102,16 @@ class Episode:
 
     @property
     def labels(self) -> np.ndarray:
-        """(T, Da) what is to be learned: what the expert would have done, and where nobody was asked what was done."""
-        return np.where(self.asked[:, None], self.expert_actions, self.executed_actions)
+        """(T, Da) what is to be learned: what the expert would have done, and where nobody was asked :attr:`done`."""
+        return np.where(self.asked[:, None], self.expert_actions, self.done)
+
+    @property
+    def done(self) -> np.ndarray:
+        """(T, Da) what was done: as executed, but for fingers that were made to slip, as commanded."""
+        if PERTURBATION not in self.extras:
+            return self.executed_actions
+        slipped = self.extras[PERTURBATION][:, -1:] > 0.0
+        return np.where(slipped, self.actions, self.executed_actions)
 
     def flat_obs(self, names: tuple[str, ...]) -> np.ndarray:
         """Concatenate fields to (T + 1, D) in the order of ``names``."""

@@ -134,7 +134,7 @@ class DatasetFolder:
         known = self.read_index()
         listed = {
             kind: {
-                file.stem: known.get(kind, {}).get(file.stem) or written.get(file.stem) or sha256_of(file)
+                file.stem: written.get(file.stem) or known.get(kind, {}).get(file.stem) or sha256_of(file)
                 for file in self.files(kind)
                 if file.stem not in leaving
             }

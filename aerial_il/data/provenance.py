@@ -18,6 +18,7 @@ _UID = re.compile(r".*-\d{6,}-([0-9a-f]{8})")
 FIRST_ENGINE = "1"  # of recordings of the suite that do not name theirs
 HUMAN = "human:"  # before the name of a person who flew, or took over, in an episode's ``policy``
 DROPPED = "dropped"  # the note of a flight that ended because its object was out of reach for good
+SESSION = "session"  # key of a setting: when a person began to fly, by which flights of two sessions differ in name
 INSTRUCTION = "instruction"  # key of an episode's own, where those of a dataset differ
 STATE = "mjSTATE_INTEGRATION, then the environment's own memory; float64"
 
@@ -118,5 +119,6 @@ def engine_of(provenance: Mapping[str, Any]) -> str:
 
 def conditions_of(provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Return how an episode was made apart from its seed: by whom, under what, with what settings and engine."""
+    settings = {key: value for key, value in provenance.get("settings", {}).items() if key != SESSION}
     named = {key: provenance.get(key) for key in ("tier", "controller", "policy", "action_level", "disturbances")}
-    return named | {"settings": provenance.get("settings", {}), "engine": engine_of(provenance)}
+    return named | {"settings": settings, "engine": engine_of(provenance)}

@@ -1,10 +1,13 @@
 """Salvage what a killed process, a full disk or a damaged file has left of an episode."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from aerial_il.core.errors import DemoError
-from aerial_il.data.folder import DEMOS, FAILURES, INDEX, SALVAGED, DatasetFolder
+from aerial_il.core.files import sha256_of
+from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, SALVAGED, DatasetFolder
 from aerial_il.data.recording.decoding import Messages
 from aerial_il.data.recording.form import Form
 from aerial_il.data.recording.reader import check_channels, read_episode, read_head, read_outcome
@@ -44,11 +47,11 @@ def recover_episode(source: Path | str, target: Path | str) -> Recovered:
     contents = scan(source, salvage=True)
     head = read_head(source, contents)
     check_channels(source, contents, head.form.definitions)
-    messages, success = _salvage(source, contents, head.form)
+    messages, success, made_of = _salvage(source, contents, head.form)
     note = f"salvaged: the original {contents.damage or 'was whole'}"
     writer = EpisodeWriter(target, head.layout, uid=head.uid, provenance=head.provenance, model_xml=head.model_xml)
     try:
-        writer.finish(messages.rows, messages.images, success=success, note=note)
+        writer.finish(messages.rows, messages.images, success=success, note=note, made_of=made_of)
     except BaseException:
         writer.discard()
         raise
@@ -59,10 +62,13 @@ def recover(path: Path | str) -> list[Recovered]:
     """Bring a dataset folder, or one file, into a state in which everything in it can be read.
 
     In a folder, unfinished ``.part`` files and damaged episodes go to ``quarantine/`` with a note, what can be salvaged
-    of them to ``salvaged/``, and the index is written anew; what a running process is writing is left alone. A single
-    file stays where it is, and is salvaged next to itself as ``<name>.recovered.mcap``.
+    of them to ``salvaged/``, and the index is written anew; what a running process is writing is left alone. A file of
+    such a folder stands for the folder. A file that lies elsewhere stays there, and is salvaged next to itself as
+    ``<name>.recovered.mcap``.
     """
     path = Path(path)
+    if path.is_file() and path.resolve().parent.name in KINDS and (path.resolve().parents[1] / INDEX).exists():
+        path = path.resolve().parents[1]
     if path.is_file():
         return [recover_episode(path, path.with_name(f"{_stem(path)}.recovered.mcap"))]
     folder = DatasetFolder(path)
@@ -95,21 +101,21 @@ def _reindex(folder: DatasetFolder) -> None:
     for file in folder.files():
         spec = spec or read_head(file, scan(file)).layout.spec
     if spec is not None:
-        folder.write_index(spec)
+        folder.write_index(spec, {file.stem: sha256_of(file) for file in folder.files()})
 
 
-def _salvage(source: Path, contents: Contents, form: Form) -> tuple[Messages, bool]:
-    """Return the messages that are left, of which the last is the end, and whether the flight is known to succeed."""
+def _salvage(source: Path, contents: Contents, form: Form) -> tuple[Messages, bool, Mapping[str, Any]]:
+    """Return the messages that are left, of which the last is the end, whether it succeeds, and what it is made of."""
     report = Report(source)
     if OUTCOME in contents.metadata:  # only the file's own end is lost
         outcome = read_outcome(source, contents)
-        return form.read(report, contents, outcome.steps), outcome.success
+        return form.read(report, contents, outcome.steps), outcome.success, outcome.made_of
     messages = form.read_whole_steps(report, contents)
     rows = messages.rows
     if len(rows) < 2:
         raise DemoError(source, "holds fewer than two complete steps; nothing can be salvaged.", got=len(rows))
     rows["truncated"][-2] = not rows["terminated"][-2]
-    return messages, False
+    return messages, False, {}
 
 
 def _stem(file: Path) -> str:

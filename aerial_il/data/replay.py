@@ -8,10 +8,8 @@ import numpy as np
 
 from aerial_il.core.contracts import BatchEnv, Pushable, StepResult
 from aerial_il.core.errors import DemoError
-from aerial_il.data.episode import Episode
+from aerial_il.data.episode import PERTURBATION, Episode
 from aerial_il.data.provenance import engine_of
-
-PUSHES = "perturbation"  # topic of what met the vehicle before each step; its first three numbers push the base
 
 
 def replay(env: BatchEnv, episode: Episode, *, starts: Sequence[int] = (0,), path: str | os.PathLike[str] = "") -> int:
@@ -71,9 +69,9 @@ def _replay_some(env: BatchEnv, episode: Episode, starts: np.ndarray, path: str)
 
 def _push(env: BatchEnv, episode: Episode, current: np.ndarray, active: np.ndarray) -> None:
     """Let happen again what somebody let happen to the base before the coming steps."""
-    if PUSHES not in episode.extras or not isinstance(env, Pushable):
+    if PERTURBATION not in episode.extras or not isinstance(env, Pushable):
         return
-    velocity = episode.extras[PUSHES][np.minimum(current, len(episode) - 1), :3]
+    velocity = episode.extras[PERTURBATION][np.minimum(current, len(episode) - 1), :3]
     if (pushed := active & velocity.any(axis=1)).any():
         env.push(velocity, pushed)
 

@@ -70,7 +70,7 @@ def read_source(episode: Episode) -> Source:
             f"{episode.uid} has states of {episode.states.shape[1]} numbers where this version has {size}: it was "
             "recorded by another engine. Record it anew with aerial-il collect or aerial-il teleop."
         )
-    poses, actions = scene.at(episode.states), episode.executed_actions
+    poses, actions = scene.at(episode.states), episode.done
     gripper = actions[:, -1] if GRIPPER in spec.action.labels else np.ones(len(episode))
     if spec.action.level == LEVEL:
         pos, mat = actions[:, :3], mat_from_rot6d(actions[:, 3:9])

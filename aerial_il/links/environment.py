@@ -117,14 +117,15 @@ class LinkedEnvironment(BatchEnvBase):
             "crash": crash,
             "dropped": dropped,
             "subtasks": np.atleast_2d(told.get("subtasks", np.zeros(len(self.spec.subtasks)))),
-            "executed_action": action[None],
+            "executed_action": np.atleast_2d(told.get("executed_action", action)),
+            "ended": np.array([loop.trouble if loop.watch.over else ""]),
             **{name: np.array([told.get(name, otherwise)]) for name, otherwise in UNTOLD.items()},
         }
         return StepResult(
             obs=self.observe(),
             reward=np.array([float(told.get("reward", 0.0))]),
-            terminated=crash | dropped | loop.watch.over,
-            truncated=np.array([loop.steps >= self.spec.max_steps]),
+            terminated=crash | dropped,
+            truncated=np.array([loop.steps >= self.spec.max_steps]) | loop.watch.over,
             info=info,
         )
 

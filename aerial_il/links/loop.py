@@ -61,7 +61,7 @@ class RobotLoop:
 
     Attributes:
         obs: what the robot showed last, name -> (*shape,). reading: that reading.
-        steps, held: ticks of the flight, and those in which the guard objected. timing: of its ticks.
+        steps, held: ticks of the flight, and those that the guard or the robot itself held in. timing: of its ticks.
         sent: (Da,) the last set point of the flight; None before the first.
         timings: of all flights. troubles: seed -> ticks in which the guard objected, and to what it did so first.
     """
@@ -136,6 +136,7 @@ class RobotLoop:
         Raises:
             LinkError: the robot has shown nothing for long.
         """
+        held = self.held
         if trouble := self.trouble:
             self.held += 1
             self._note(trouble)
@@ -154,6 +155,9 @@ class RobotLoop:
         self.watch.see(reading, self._now_s)
         if trouble := self.trouble:
             self._note(trouble)
+        elif self.watch.hovers and self.held == held:
+            self.held += 1
+            self._note("it was not heard, or was told to")
         if self.watch.age_s > LOST_S:
             raise LinkError(f"The robot is lost: {self.trouble}. This flight is not kept.")
         ends = self.watch.over and not was_over  # by a sound reading, the last of the flight

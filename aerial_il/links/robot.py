@@ -185,7 +185,7 @@ class SimulatedRobot:
     def _told(self) -> dict[str, object]:
         info = {} if self._result is None else self._result.info
         return {
-            **{name: value[0] for name, value in info.items() if name != "executed_action"},
+            **{name: value[0] for name, value in info.items()},
             "success": self.solved,
             "reward": 0.0 if self._result is None else float(self._result.reward[0]),
             "state": self.env.get_state()[0],

@@ -1,5 +1,6 @@
 """A person on the page who watches a policy fly a robot, and takes over; while nobody watches, the robot hovers."""
 
+import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any, Self
@@ -21,6 +22,8 @@ from aerial_il.teleop.session.readings import readings_of
 from aerial_il.teleop.session.status import Status
 from aerial_il.teleop.web.host import PageHost
 from aerial_il.teleop.web.server import Server
+
+WATCH_S = 0.1
 
 
 class TakeOver:
@@ -54,7 +57,7 @@ class TakeOver:
         place = {"host": site.host, "port": site.port, "tls": site.tls}
         self._page = PageHost(env.model, bindings, texts, cameras=CAMERAS, size=site.size, opened=opened, **place)
         self._readings = readings_of(env.spec.observation)
-        self._ticks, self.by_person = 0, Counter[int]()
+        self._ticks, self.by_person, self._alone = 0, Counter[int](), Counter[int]()
         self._turn: Turn | None = None
         self._arbiter, self._engage = self._engaged(), True
 
@@ -81,12 +84,18 @@ class TakeOver:
         empty = np.full(self._env.spec.action.size, np.nan)
         return (empty if self._turn is None else self._turn.label)[None]
 
+    def wait(self) -> None:
+        """Wait until somebody has opened the page: whoever is to take over is there when the robot begins to fly."""
+        while not len(self.server.visitors):
+            time.sleep(WATCH_S)
+
     def attach(self, env: BatchEnv) -> None:
         self._pilot.attach(env)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         self._pilot.begin(seeds, mask)
-        del self.by_person[self._env.loop.seed]
+        for ticks in (self.by_person, self._alone):
+            del ticks[self._env.loop.seed]
         self._engage = True
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -105,7 +114,9 @@ class TakeOver:
         return {**self._pilot.made_of(world), "person_ticks": self.by_person[self._env.loop.seed]}
 
     def objection(self, world: int) -> str:
-        return self._pilot.objection(world)
+        alone = self._alone[self._env.loop.seed]
+        unwatched = f"nobody was on the page for {alone} ticks, in which the robot hovered" if alone else ""
+        return self._pilot.objection(world) or unwatched
 
     def close(self) -> None:
         self._pilot.close()
@@ -121,6 +132,7 @@ class TakeOver:
             self._arbiter.pilot.engage(first_row(obs), self._env.loop.sent)
         self._turn = turn = self._arbiter.act(frame, obs)
         self.by_person.update([self._env.loop.seed] if turn.flier is Flier.PERSON else [])
+        self._alone.update([self._env.loop.seed] if turn.flier is Flier.NOBODY else [])
         return turn.action[None]
 
     def _engaged(self) -> Arbiter:

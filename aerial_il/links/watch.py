@@ -20,6 +20,7 @@ class Watch:
 
     Attributes:
         trouble: why the policy is not to fly now; empty if it may. over: whether the flight must end for it.
+        hovers: whether the robot holds by itself though it has followed set points before.
         age_s: how long ago the newest reading came, s of the robot's time.
     """
 
@@ -32,6 +33,7 @@ class Watch:
         """Begin a flight."""
         self._last, self._came_s, self._good = -np.inf, np.nan, FRESH_TICKS
         self.trouble, self.over, self.age_s = "", False, 0.0
+        self.hovers = self._followed = False
 
     def see(self, reading: Reading | None, now_s: float) -> None:
         """Take note of the newest reading of this tick, which may be that of an earlier one.
@@ -47,6 +49,8 @@ class Watch:
         problem = self._problem(reading)
         if reading is not None and new:
             self._last = reading.stamp_s
+            self._followed |= reading.mode is Mode.FLYING
+            self.hovers = self._followed and reading.mode is Mode.HOLDING
         self._good = 0 if problem else min(self._good + new, FRESH_TICKS)
         if problem or self._good == FRESH_TICKS:
             self.trouble = problem

@@ -93,13 +93,15 @@ class PageOperator:
         self.server.flight = flight
         flight.start()
         try:
-            while logbook.seed < seeds.stop or cockpit.state is not State.IDLE:
+            while logbook.seed < seeds.stop or logbook.waiting or cockpit.state is not State.IDLE:
                 if (error := flight.error or self._page.film.error) is not None:
                     raise error
                 time.sleep(WATCH_S)
         finally:
             self.server.flight = None
             flight.close()
+        if flight.error is not None:
+            raise flight.error
 
 
 def progress_of(costs: Costs) -> dict[str, float]:

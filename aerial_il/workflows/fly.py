@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import logging
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from aerial_il.links.loop import Timing
     from aerial_il.links.pilot import LinkPilot
 
+log = logging.getLogger(__name__)
 LinkChoice = Annotated[Any, Choice("link")]
 
 
@@ -189,6 +191,8 @@ def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterato
     bindings = bindings_of({device: presets.read("device", device) for device in DEVICES})
     operator, opened = getpass.getuser(), partial(greet, open_page=settings.open)
     with TakeOver(pilot, env, bindings, Site(port=settings.port), operator=operator, opened=opened) as shared:
+        log.info("It flies once somebody has opened the page.")
+        shared.wait()
         yield shared, f"{settings.policy} with {HUMAN}{operator}"
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from aerial_il.core.errors import DemoError
+from aerial_il.core.files import sha256_of
 from aerial_il.data.dataset import altered_files, open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
@@ -83,6 +84,46 @@ def test_folder_recovery_keeps_sets_aside_and_salvages(folder: DatasetFolder, tm
     assert len(dataset) == len(folder.files()) - 1
     assert not any(error for _, error in dataset.problems())
     assert recover(copy.path) == []
+
+
+def test_a_damaged_file_of_a_folder_stands_for_the_folder(folder: DatasetFolder, tmp_path: Path) -> None:
+    """What is left of it is no demonstration beside the others."""
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    victim = copy.files()[0]
+    raw = bytearray(victim.read_bytes())
+    raw[len(raw) // 2] ^= 1
+    victim.write_bytes(raw)
+    (found,) = recover(victim)
+    assert found.path.parent.name in ("salvaged", "quarantine")
+    assert not victim.exists()
+    assert len(copy.files()) == len(folder.files()) - 1
+    assert not altered_files(copy.path)
+
+
+def test_a_file_that_was_flown_anew_is_no_altered_one(folder: DatasetFolder, tmp_path: Path) -> None:
+    copy = DatasetFolder(shutil.copytree(folder.path, tmp_path / "copy"))
+    victim = copy.files()[0]
+    recover_episode(victim, tmp_path / victim.name)  # another file of the same flight
+    shutil.copy(tmp_path / victim.name, victim)
+    assert altered_files(copy.path) == [victim]
+    copy.write_index(copy.spec(), {victim.stem: sha256_of(victim)})
+    assert not altered_files(copy.path), "what has just been written counts"
+    shutil.copy(folder.file(victim.stem, victim.parent.name), victim)
+    recover(copy.path)
+    assert not altered_files(copy.path), "the index is written anew"
+
+
+def test_flights_of_two_folders_with_one_name_are_both_learned_from(folder: DatasetFolder, tmp_path: Path) -> None:
+    copies = [DatasetFolder(shutil.copytree(folder.path, tmp_path / name)) for name in ("monday", "tuesday")]
+    assert len(open_dataset(tmp_path)) == len(open_dataset(copies[0].path)), "equal files are one flight"
+    other = copies[1].files("demos")[0]
+    recover_episode(other, tmp_path / other.name)
+    shutil.copy(tmp_path / other.name, other)
+    (tmp_path / other.name).unlink()
+    copies[1].write_index(copies[1].spec(), {other.stem: sha256_of(other)})
+    both = open_dataset(tmp_path)
+    assert {other.stem, f"tuesday-{other.stem}"} <= {*both.uids}
+    assert both[f"tuesday-{other.stem}"].uid == f"tuesday-{other.stem}"
 
 
 def test_what_is_being_written_is_left_alone(tmp_path: Path) -> None:

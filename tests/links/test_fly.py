@@ -135,8 +135,9 @@ def test_beyond_the_fence_the_flight_ends() -> None:
     env = linked(guard=Guard(fence=(-3.0, -3.0, 0.0, 3.0, 3.0, 1.4)))
     env.reset(0)
     up = still(env) + np.array([0.0, 0.0, 0.4, *[0.0] * 7])
-    result = next(result for result in (env.step(up) for _ in range(200)) if result.terminated[0])
+    result = next(result for result in (env.step(up) for _ in range(200)) if result.truncated[0])
     assert "beyond the fence" in env.loop.trouble
+    assert "beyond the fence" in str(result.info["ended"][0])
     assert "beyond the fence" in env.loop.troubles[0][1]
     assert not result.info["crash"][0]
 
@@ -193,6 +194,50 @@ def test_a_success_after_held_ticks_is_no_demonstration(tmp_path: Path) -> None:
     assert "no news" in note
 
 
+def test_a_success_after_the_robot_hovered_by_itself_is_no_demonstration(tmp_path: Path) -> None:
+    """Nothing is wrong with it: somebody told it to hover, and no set point counted meanwhile."""
+    link = SimulatedLink(SimulatedRobot(ROBOT, TASK))
+    env, step = LinkedEnvironment(link), link.step
+
+    def told() -> None:
+        if env.loop.steps in (10, 30):
+            link.order(Order.HOVER if env.loop.steps == 10 else Order.FOLLOW)
+        step()
+
+    link.step = told
+    collection = collect(env, LinkPilot(experts.make(ROBOT, TASK)), [0], tmp_path, progress=False)
+    assert (collection.demos, collection.failures) == ([], [0])
+    (file,) = (tmp_path / FAILURES).glob("*.mcap")
+    episode = read_episode(file)
+    assert episode.success is False
+    assert "hovered by itself for 2" in episode.provenance["note"]
+
+
+def test_who_is_landed_is_no_crash(tmp_path: Path) -> None:
+    link = SimulatedLink(SimulatedRobot(ROBOT, TASK))
+    env, step = LinkedEnvironment(link), link.step
+
+    def told() -> None:
+        if env.loop.steps == 10:
+            link.order(Order.LAND)
+        step()
+
+    link.step = told
+    (flown,) = collect(env, LinkPilot(fresh_policy("mlp")), [0], tmp_path, progress=False).flights.values()
+    assert flown.failure == "other"
+    (file,) = (tmp_path / FAILURES).glob("*.mcap")
+    assert read_episode(file).provenance["note"] == "the robot is landing"
+
+
+def test_actions_that_arrive_late_are_recorded_as_they_were_executed(tmp_path: Path) -> None:
+    env = linked(latency=Latency(action_delay_ms=60))
+    collect(env, LinkPilot(fresh_policy("mlp")), [0], tmp_path, progress=False)
+    env.close()
+    (file,) = tmp_path.glob("*/*.mcap")
+    episode = read_episode(file)
+    np.testing.assert_array_equal(episode.executed_actions[3:], episode.actions[:-3])
+
+
 def test_what_is_gripped_stays_gripped_after_trouble() -> None:
     link = Mute(SimulatedRobot(ROBOT, TASK))
     link.silent = range(40, 60)
@@ -243,7 +288,7 @@ def test_who_lands_it_ends_the_flight() -> None:
     env = linked()
     env.reset(0)
     env.loop.link.order(Order.LAND)
-    assert env.step(still(env)).terminated[0]
+    assert env.step(still(env)).truncated[0]
     assert "landing" in env.loop.trouble or "standing" in env.loop.trouble
 
 

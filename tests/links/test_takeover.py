@@ -99,6 +99,31 @@ def test_without_anybody_on_the_page_the_robot_stays() -> None:
     assert np.linalg.norm(obs["ee_pos"] - start) < 0.03
 
 
+def test_a_success_that_nobody_watched_is_no_demonstration() -> None:
+    person = Person()
+    env, shared = flight(person)
+    shared.attach(env)
+    obs = env.reset(0)
+    shared.begin(np.array([0]))
+    shared.reset()
+    for _ in range(5):
+        obs = env.step(shared.act(obs)).obs
+    assert "nobody was on the page for 5 ticks" in shared.objection(0)
+    env.reset(0)
+    shared.begin(np.array([0]))
+    assert not shared.objection(0)
+    env.close()
+
+
+def test_it_is_waited_for_somebody_on_the_page() -> None:
+    person = Person()
+    env, shared = flight(person)
+    with shared:
+        shared.wait()
+        assert len(shared.server.visitors)
+    env.close()
+
+
 def test_what_the_guard_objects_to_is_said_on_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
     person = Person()
     env, shared = flight(person)

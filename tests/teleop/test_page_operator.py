@@ -1,10 +1,13 @@
 """A person on the page as whom an algorithm learns from: one page through several rounds, which says how they went."""
 
 import asyncio
+import errno
 import json
 import socket
 import threading
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import aiohttp
 import pytest
@@ -12,7 +15,9 @@ import pytest
 import aerial_il
 from aerial_il.algorithms.interactive.costs import FlightCosts
 from aerial_il.algorithms.interactive.problem import Operator
+from aerial_il.core.errors import StorageError
 from aerial_il.data.dataset import open_dataset
+from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.teleop.flight import Site
 from aerial_il.teleop.page_operator import PageOperator, progress_of
 from aerial_il.teleop.web.server import Server
@@ -78,6 +83,27 @@ def test_two_rounds_on_one_page(tmp_path: Path) -> None:
     lessons = [status["lesson"] for status in person.seen if status["lesson"]]
     assert lessons[-1]["message"] == "Round 1 of 2: it learns."
     assert lessons[-1]["rounds"] == [progress_of(FlightCosts.of(flown))]
+
+
+def test_a_flight_that_does_not_get_onto_the_disk_is_flown_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of the first that is kept the disk takes nothing; the round is over once two are there."""
+    writes, finish = count(), EpisodeWriter.finish
+
+    def full(self: EpisodeWriter, *args: Any, **kwargs: Any) -> Path:
+        if next(writes) == 0:
+            raise StorageError(self.part, OSError(errno.ENOSPC, "No space left on device"))
+        return finish(self, *args, **kwargs)
+
+    monkeypatch.setattr(EpisodeWriter, "finish", full)
+    env, person = world(task="pick_place"), Person()
+    bindings, site = shipped("keyboard", "gamepad", "touch"), Site(port=0, size=(60, 80))
+    with PageOperator(env, bindings, site, operator="kim", opened=person.open) as shown:
+        expert = aerial_il.expert("fa_hexa_arm4", "pick_place")
+        shown.record(env, expert, tmp_path / "round", seeds=range(1000, 1002), tags={})
+    assert len([*(tmp_path / "round").glob("*/*.mcap")]) == 2
+    assert next(writes) >= 3
 
 
 def test_the_page_moves_to_a_free_port_where_its_own_is_taken(capsys: pytest.CaptureFixture[str]) -> None:

@@ -42,9 +42,11 @@ def is_current(dataset: Dataset, out: Path) -> bool:
     """Whether ``out`` is whole and holds just the demonstrations of ``dataset``, and the cameras it was opened with."""
     from aerial_il.data.formats.parts.lerobot import reading, writing
     from aerial_il.data.formats.parts.lerobot.files import check_lerobot
+    from aerial_il.data.formats.parts.lerobot.states import PROVENANCE
 
-    if not out.exists():
-        return False
+    made = out / PROVENANCE
+    if not made.exists() or any(file.stat().st_mtime_ns > made.stat().st_mtime_ns for file in dataset.files.values()):
+        return False  # what was recorded, or written anew as by a relabelling, since
     try:
         there = {name for name in check_lerobot(out)["features"] if name.startswith(IMAGES)}
         first = dataset[0]

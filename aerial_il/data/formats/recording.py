@@ -1,14 +1,17 @@
 """Our recordings: one MCAP file an episode, alone, in a dataset's folder, or in a folder of such folders."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from aerial_il.core.errors import DemoError
 from aerial_il.core.files import sha256_of
+from aerial_il.data.episode import Episode
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, DatasetFolder
 from aerial_il.data.recording.reader import decode_episode
 from aerial_il.data.source import Source, Wanted
+from aerial_il.data.survey import Loader
 
 
 def recognises(path: Path) -> bool:
@@ -24,10 +27,28 @@ def read(path: Path, wanted: Wanted) -> Source:
         return _source(path, _listed(DatasetFolder(path), wanted), wanted)
     if inner := _inner(path):
         parts = [read(folder, wanted) for folder in inner]
-        recorded = {uid: load for part in parts for uid, load in part.recorded.items()}
-        files = {uid: file for part in parts for uid, file in part.files.items()}
+        recorded, files = _together(parts)
         return Source(path=path, kind="recordings", recorded=recorded, files=files, parts=parts)
     return _source(path, _loose(path), wanted)
+
+
+def _together(parts: Iterable[Source]) -> tuple[dict[str, Loader], dict[str, Path]]:
+    """Return the recordings of several folders: one of equal files, and of different ones of one name both.
+
+    Two sessions of a person begin at the same seed; the later one is then called by its folder, too.
+    """
+    recorded, files = dict[str, Loader](), dict[str, Path]()
+    for part in parts:
+        for uid, load in part.recorded.items():
+            file, name = part.files[uid], uid
+            if uid in files and sha256_of(file) != sha256_of(files[uid]):
+                name, load = f"{part.path.name}-{uid}", partial(_called, load, f"{part.path.name}-{uid}")
+            recorded[name], files[name] = load, file
+    return recorded, files
+
+
+def _called(load: Loader, name: str) -> Episode:
+    return replace(load(), uid=name)
 
 
 def altered(path: Path) -> list[Path]:

@@ -5,7 +5,11 @@ stand-in; no PX4 and no hardware has been flown with it.
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import count
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +21,11 @@ from aerial_il.links.mavlink.frames import Home
 from aerial_il.links.mavlink.protocol import AUTO, CLIENT_PORT, COMPANION, LEVELS, LOITER, OFFBOARD
 from aerial_il.links.mavlink.setpoints import actuator_messages, command_message, setpoint_message
 from aerial_il.links.mavlink.telemetry import Reader, VehicleState
-from aerial_il.links.mavlink.wire import PATIENCE_S, Wire, connect, datagrams, dialect
+from aerial_il.links.mavlink.wire import PATIENCE_S, NoAnswerError, Wire, connect, datagrams, dialect
 from aerial_il.suite.timing import CONTROL_DT_S
 
 WITHIN_M, WITHIN_RAD, SLOW_M_S = 0.06, 0.06, 0.06  # where somewhere has been reached
-TIMEOUT_S = 30.0
+TIMEOUT_S, ASK_AGAIN_S = 30.0, 1.0
 BEAT_EVERY = 50  # steps between two heartbeats
 NAN = math.nan
 
@@ -59,6 +63,7 @@ class OffboardClient:
         opened = connect(host, port, "The autopilot") if lockstep else datagrams(host, port)
         self.port: int = port if lockstep else opened.getsockname()[1]
         self._wire = Wire(opened, *COMPANION, "The autopilot", patience_s)
+        self._asks_again_s = patience_s if lockstep else min(patience_s, ASK_AGAIN_S)
         self._reader = Reader(vehicle.num_joints, lockstep=lockstep)
         self._last = "TIMESYNC" if lockstep else "LOCAL_POSITION_NED"  # message of a step
         self._steps, self._held = 0, False
@@ -81,8 +86,12 @@ class OffboardClient:
         Raises:
             LinkError: none comes.
         """
+        until_s = time.monotonic() + self._wire.patience_s
         while self._reader.state is None:
             self.step()
+            if self._reader.state is None and time.monotonic() > until_s:
+                lacking = ", ".join(self._reader.lacking)
+                raise LinkError(f"The autopilot has told no whole state for {self._wire.patience_s:g} s: no {lacking}.")
         self._joints, self._opening = self.state.joints, self.state.opening
         return self.state
 
@@ -156,13 +165,25 @@ class OffboardClient:
         """
         common = dialect()
         self._reader.text = ""
-        self._wire.send(command_message(name, *numbers))
-        *before, answer = self._wire.wait_for("COMMAND_ACK", lambda ack: ack.command == getattr(common, name))
-        for message in before:
-            self._reader.take(message)
+        answer = self._answered(name, numbers)
         if answer.result != common.MAV_RESULT_ACCEPTED:
             result = common.enums["MAV_RESULT"][answer.result].name
             raise RefusedError(f"The autopilot answers {name} with {result}. {self._reader.text}".rstrip())
+
+    def _answered(self, name: str, numbers: Sequence[float]) -> Any:
+        """Return the acknowledgement of a command, which is sent again while none comes: datagrams get lost."""
+        number, until_s = getattr(dialect(), name), time.monotonic() + self._wire.patience_s
+        for times in count():
+            self._wire.send(command_message(name, *numbers, confirmation=times))
+            with suppress(NoAnswerError):
+                for message in self._wire.wait_for(
+                    "COMMAND_ACK", lambda ack: ack.command == number, within_s=self._asks_again_s
+                ):
+                    self._reader.take(message)
+                break
+            if time.monotonic() > until_s:
+                raise LinkError(f"The autopilot has not answered {name}, sent {times + 1} times.")
+        return message
 
     def close(self) -> None:
         """Hang up."""

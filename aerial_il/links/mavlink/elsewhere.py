@@ -70,7 +70,10 @@ class AutopilotLink:
 
     def order(self, order: Order, **numbers: float) -> None:
         if order is Order.RESET:
-            raise RefusedError("A robot behind an autopilot is not set back: begin where it is.")
+            raise RefusedError(
+                "A robot behind an autopilot is not set back to the start of an episode. Fly it from where it is: "
+                "python -m aerial_il.links.onboard policy=EXPORTED link=mavlink, or aerial_il.vehicle('mavlink')."
+            )
         self._companion.reset()
         self._client.order(order.value, **numbers)
 

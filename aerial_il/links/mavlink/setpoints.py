@@ -73,10 +73,10 @@ def actuator_messages(channels: Channels, joints: np.ndarray, opening: float) ->
     ]
 
 
-def command_message(name: str, *numbers: float) -> Any:
-    """COMMAND_LONG of a command by name, with up to seven numbers, the rest zero."""
+def command_message(name: str, *numbers: float, confirmation: int = 0) -> Any:
+    """COMMAND_LONG of a command by name, with up to seven numbers, the rest zero; sent so often before."""
     seven = [*map(float, numbers), *[0.0] * 7][:7]
-    return dialect().MAVLink_command_long_message(*AUTOPILOT, getattr(dialect(), name), 0, *seven)
+    return dialect().MAVLink_command_long_message(*AUTOPILOT, getattr(dialect(), name), min(confirmation, 255), *seven)
 
 
 def _rates(message: Any, heading: float, lift: float) -> Wanted | None:

@@ -73,6 +73,9 @@ def mode_messages(state: VehicleState, rotors: int) -> list[Any]:
     ]
 
 
+NEEDED, LOCAL = ("HEARTBEAT", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION"), "LOCAL_POSITION_NED"
+
+
 class Reader:
     """Puts the messages of an autopilot together.
 
@@ -90,6 +93,12 @@ class Reader:
         self.state: VehicleState | None = None
         self.text, self.question = "", None
 
+    @property
+    def lacking(self) -> list[str]:
+        """Names of the messages that a state takes and that have not come yet."""
+        arm = [] if self._arm is not None else ["joints of the arm"]
+        return [name for name in (*NEEDED, LOCAL) if name not in self._parts] + arm
+
     def take(self, message: Any) -> None:
         """Take a message.
 
@@ -105,17 +114,16 @@ class Reader:
             self.question = message
         elif name == "STATUSTEXT":
             self.text = message.text
-        elif name == "LOCAL_POSITION_NED":
+        elif name == LOCAL:
             self._gather(message)
 
     def _gather(self, local: Any) -> None:
         stamp, before = 1e-3 * local.time_boot_ms, -math.inf if self.state is None else self.state.stamp
         if stamp < before - self._late_s:
             raise LinkError(f"The autopilot's clock jumped back, from {before:.3f} to {stamp:.3f} s.")
-        needed = ("HEARTBEAT", "EXTENDED_SYS_STATE", "ATTITUDE_QUATERNION")
-        if stamp <= before or self._arm is None or not all(name in self._parts for name in needed):
+        if stamp <= before or self.lacking:
             return
-        beat, landed, turned = (self._parts[name] for name in needed)
+        beat, landed, turned = (self._parts[name] for name in NEEDED)
         offboard = beat.custom_mode >> 16 & 0xFF == OFFBOARD
         joints, speeds, opening = self._arm
         self.state = VehicleState(

@@ -1,8 +1,10 @@
 """MAVLink 2 messages over TCP and UDP sockets; pymavlink packs and parses them."""
 
+import math
 import os
 import select
 import socket
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -19,6 +21,10 @@ PATIENCE_S = 60.0  # for the other end, which may have to compile first
 
 class HungUpError(LinkError):
     """The other end has closed the connection."""
+
+
+class NoAnswerError(LinkError):
+    """The other end may speak, but what is waited for has not come."""
 
 
 @cache
@@ -49,7 +55,7 @@ class Wire:
     def __init__(
         self, connection: socket.socket, system: int, component: int, peer: str, patience_s: float = PATIENCE_S
     ) -> None:
-        self._socket, self.peer, self._patience_s = connection, peer, patience_s
+        self._socket, self.peer, self.patience_s = connection, peer, patience_s
         self._mav = dialect().MAVLink(None, srcSystem=system, srcComponent=component)
         self._mav.robust_parsing = True
         self._inbox: deque[Any] = deque()
@@ -88,22 +94,39 @@ class Wire:
         self._inbox.clear()
         return messages
 
-    def receive(self) -> Any:
-        """Return the next message.
+    def receive(self, until_s: float = math.inf) -> Any:
+        """Return the next message; ``until_s``: time of the monotonic clock at which it must have come.
 
         Raises:
             LinkError: the other end is gone, or says nothing for long.
         """
+        until_s = min(until_s, time.monotonic() + self.patience_s)
         while not self._inbox:
-            if not select.select([self._socket], [], [], self._patience_s)[0]:
-                raise LinkError(f"{self.peer} has said nothing for {self._patience_s:g} s.")
+            if not select.select([self._socket], [], [], max(0.0, until_s - time.monotonic()))[0]:
+                raise NoAnswerError(f"{self.peer} has said nothing for {self.patience_s:g} s.")
             self._take()
         return self._inbox.popleft()
 
-    def wait_for(self, name: str, fits: Callable[[Any], bool] = lambda message: True) -> Iterator[Any]:
-        """Yield messages until one called ``name`` that fits has come, which is the last."""
+    def wait_for(
+        self, name: str, fits: Callable[[Any], bool] = lambda message: True, *, within_s: float | None = None
+    ) -> Iterator[Any]:
+        """Yield messages until one called ``name`` that fits has come, which is the last.
+
+        Raises:
+            LinkError: the other end is gone, or the message has not come, whatever else has; ``within_s``: by then,
+                instead of the patience with it.
+        """
+        patience_s, spoke = self.patience_s if within_s is None else within_s, False
+        until_s = time.monotonic() + patience_s
         while True:
-            message = self.receive()
+            if spoke and time.monotonic() > until_s:
+                raise NoAnswerError(f"{self.peer} has sent no {name} for {patience_s:g} s.")
+            try:
+                message, spoke = self.receive(until_s), True
+            except NoAnswerError:
+                if not spoke:
+                    raise
+                continue  # it is late
             yield message
             if message.get_type() == name and fits(message):
                 return

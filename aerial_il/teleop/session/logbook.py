@@ -4,13 +4,14 @@ import logging
 from collections.abc import Mapping
 from concurrent.futures import Future
 from contextlib import suppress
+from datetime import datetime
 from typing import Any
 
 import numpy as np
 
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES, DatasetFolder
-from aerial_il.data.provenance import HUMAN, Origin
+from aerial_il.data.provenance import HUMAN, SESSION, Origin
 from aerial_il.data.recording.recorder import Recorded, Recorder
 from aerial_il.data.recording.writer import EpisodeWriter
 from aerial_il.suite.batch import BatchEnvironment, StepResult
@@ -49,7 +50,7 @@ class Logbook:
     ) -> None:
         self.env, self.folder, self.operator, self.policy = env, DatasetFolder(out), operator, policy
         self._pilot = f"{HUMAN}{operator}" if policy is None else f"{policy} with {HUMAN}{operator}"
-        self._settings = dict(settings or {})
+        self._settings = {SESSION: datetime.now().astimezone().isoformat(timespec="milliseconds"), **(settings or {})}
         self._refuse_others()
         if parts := self.folder.parts():
             log.warning(
@@ -63,6 +64,7 @@ class Logbook:
         self._trashed: list[str] = []
         self._written: dict[str, str] = {}
         self._uid = ""
+        self._first_seed = first_seed
         self.seed = max([first_seed - 1, *self._seeds()]) + 1
 
     @property
@@ -142,6 +144,7 @@ class Logbook:
         """Go on after a writer has failed, or a flight: what is open stays as a ``.part`` file for recovery."""
         old, self._recorder = self._recorder, self._new_recorder()
         self._writing.clear()
+        self.seed = max([self._first_seed - 1, *self._seeds()]) + 1
         with suppress(AerialError):  # it was raised where it was met
             old.close()
 

@@ -83,7 +83,14 @@ class Loop:
             self.error = error
             raise
         finally:
-            cockpit.close()
+            self._end()
+
+    def _end(self) -> None:
+        try:
+            self._cockpit.close()
+        except BaseException as error:
+            self.error = self.error or error
+            raise
 
 
 def state_of(env: BatchEnvironment) -> np.ndarray:

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from aerial_il.core.seeding import episode_rng
-from aerial_il.data.replay import PUSHES
+from aerial_il.data.episode import PERTURBATION
 from aerial_il.suite.batch import BatchEnvironment
 
 KINDS = ("gust", "push", "drop")
-TOPIC = PUSHES
+TOPIC = PERTURBATION
 LABELS = ("velocity_x", "velocity_y", "velocity_z", "fingers_open")
 PUSH_MPS, GUST_MPS = 0.5, 0.9  # what base and arm gain by a push at once, and by a gust from beginning to end
 GUST_TICKS, OPEN_TICKS = 50, 20  # 1 s, as long as the gust of aviation's rules: one minus a cosine; 0.4 s

@@ -42,6 +42,8 @@ def test_gust_push_and_slip_come_again_in_both_replays(tmp_path: Path) -> None:
     assert np.count_nonzero(slipping) == 20
     assert (episode.executed_actions[slipping, -1] == 1.0).all()
     assert (episode.actions[slipping, -1] < 1.0).all(), "the person did not open"
+    np.testing.assert_array_equal(episode.labels[slipping], episode.actions[slipping], "nobody learns to let go")
+    np.testing.assert_array_equal(episode.labels[~slipping], episode.executed_actions[~slipping])
     assert "gust at step" in episode.provenance["note"]
     assert replay(env, episode, starts=(0, 30, 90)) > len(episode)
     assert refly(env, episode) == len(episode)
