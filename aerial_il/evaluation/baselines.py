@@ -7,6 +7,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.suite.batch import BatchEnvironment
 from aerial_il.suite.episode.hold_action import hold_action
+from aerial_il.suite.late import LateBatch
 
 HOLD_STEPS = 10  # a new action in every step would average out to none
 
@@ -40,7 +41,7 @@ class Hover:
     """Command the vehicle to stay where the episode began."""
 
     def __init__(self) -> None:
-        self._env: BatchEnvironment | None = None
+        self._env: BatchEnvironment | LateBatch | None = None
 
     def attach(self, env: BatchEnv) -> None:
         """Bind to the environment whose vehicle it holds.
@@ -48,7 +49,7 @@ class Hover:
         Raises:
             InvalidValueError: the environment is not the suite's.
         """
-        if not isinstance(env, BatchEnvironment):
+        if not isinstance(env, BatchEnvironment | LateBatch):
             where = f"{env.spec.robot}:{env.spec.task}"
             raise InvalidValueError(
                 f"policy=hover holds a vehicle of our own environments, not {where}. Try policy=random."

@@ -12,6 +12,7 @@ import numpy as np
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation import statistics
+from aerial_il.evaluation.destination import CONDITIONS
 from aerial_il.evaluation.metrics import EpisodeRecord, Metric, metrics_of
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.statistics import Interval
@@ -155,7 +156,7 @@ def other_conditions(a: EvaluationResult, b: EvaluationResult) -> list[str]:
     engines = [result.provenance.get("engine") or "1" for result in (a, b)]
     notes = [f"a was flown with version {engines[0]} of the engine, b with {engines[1]}."] * (engines[0] != engines[1])
     flown = [result.provenance.get("environment", {}) for result in (a, b)]
-    for name in ("latency", "execution"):
+    for name in (name for name in CONDITIONS if name != "disturbances"):
         a_has, b_has = (each.get(name) or "none" for each in flown)
         notes += [f"Their {name} differs: {a_has} of a, {b_has} of b."] * (a_has != b_has)
     meant = [each.get("disturbances", {}) for each in flown]

@@ -72,7 +72,7 @@ def finished(
         _refuse(out, "the result of another evaluation", differing, overwrite)
     if started is None:
         if result is None and not (Path(out) / FOLDER).is_dir():
-            claim_folder(out, ())
+            claim_folder(out, (FILE_NAME,) if overwrite else ())
         journal.close()  # flights of nobody knows what: a folder that was being cleared away
     if started is not None and (differing := _differences(started, subject, called)):
         _refuse(out, "the flights of another evaluation that was interrupted", differing, overwrite)

@@ -7,7 +7,7 @@ permutation tests, which assume no distribution. Everything random takes a gener
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -114,7 +114,8 @@ def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.rand
     """Return the interval of a mean success rate over tasks, each flown by policies of one or several training seeds.
 
     Training seeds are resampled within each task, then the episodes of each; with one seed the episodes alone, so that
-    the spread between trainings is not covered. The tasks themselves are given, not drawn.
+    the spread between trainings is not covered. The tasks themselves are given, not drawn. Where all episodes end
+    alike, it is Wilson's over all of them.
 
     Args:
         counts: for each task the successes of each training seed.
@@ -132,7 +133,11 @@ def bootstrap_macro(counts: Sequence[Sequence[int]], total: int, *, rng: np.rand
         means += rng.binomial(total, chosen / total).mean(axis=1) / (total * len(counts))
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
-    return Interval(float(lo), float(hi))
+    found = Interval(float(lo), float(hi))
+    if lo < hi:
+        return found
+    successes = [count for seeds in counts for count in seeds]  # all alike: resamples tell nothing of what else may be
+    return found.hull(wilson(sum(successes), total * len(successes)))
 
 
 def bootstrap_trainings(
@@ -157,6 +162,42 @@ def bootstrap_trainings(
     tail = (1 - LEVEL) / 2
     lo, hi = np.quantile(means, [tail, 1 - tail])
     return Interval(float(lo), float(hi))
+
+
+def wilson_of_seeds(outcomes: Sequence[Mapping[int, bool]]) -> Interval:
+    """Return Wilson's interval for the success of all flights of some policies, of which several share their seeds.
+
+    Two flights of one seed begin alike and tend to end alike: together they say less than two of different seeds. The
+    flights count as so many independent ones as have the variance that is seen between seeds, and never as more than
+    there are.
+
+    Args:
+        outcomes: of each policy, seed -> whether it succeeded.
+
+    Source:
+        E. L. Korn and B. I. Graubard, "Confidence intervals for proportions with small expected number of positive
+        counts estimated from survey data", Survey Methodology 1998 (effective sample size).
+    """
+    seeds = sorted({seed for each in outcomes for seed in each})
+    won = np.array([sum(each.get(seed, False) for each in outcomes) for seed in seeds], float)
+    flown = np.array([sum(seed in each for each in outcomes) for seed in seeds], float)
+    count, total = float(won.sum()), float(flown.sum())
+    if total == 0:
+        return NO_INTERVAL
+    rate = count / total
+    effective = total
+    if 0.0 < rate < 1.0 and len(seeds) > 1:
+        between = float(np.sum((won - rate * flown) ** 2)) / total**2
+        effective = min(total, rate * (1.0 - rate) / between) if between > 0.0 else total
+    centre, half = _score(rate, effective)
+    return Interval(max(0.0, centre - half) if count else 0.0, min(1.0, centre + half) if count < total else 1.0)
+
+
+def _score(rate: float, total: float) -> tuple[float, float]:
+    """Return the middle and half the width of Wilson's interval, of a number of trials that need not be whole."""
+    share = Z * Z / total
+    half = Z * math.sqrt(rate * (1.0 - rate) / total + share / (4.0 * total)) / (1.0 + share)
+    return (rate + 0.5 * share) / (1.0 + share), half
 
 
 def success_of_trainings(outcomes: np.ndarray, *, rng: np.random.Generator) -> Interval:

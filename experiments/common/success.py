@@ -13,7 +13,7 @@ from aerial_il.algorithms.run.folder import read_metrics
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.seeding import named_rng
 from aerial_il.evaluation.result import EvaluationResult
-from aerial_il.evaluation.statistics import Interval, bootstrap_macro, t_interval, wilson
+from aerial_il.evaluation.statistics import Interval, bootstrap_macro, t_interval, wilson_of_seeds
 from aerial_il.evaluation.training_run import rollouts_of
 from experiments.common.report import Row, Target
 
@@ -43,10 +43,12 @@ def mean_time_s(results: Iterable[EvaluationResult], *, digits: int = 2) -> floa
 def pooled_row(results: Iterable[EvaluationResult]) -> Row:
     """Return success over several trainings of one arm, with both intervals that such a number has.
 
-    ``flights``: Wilson's 95 % interval over all flights of these very policies. ``trainings``: Student's 95 % interval
+    ``flights``: 95 % interval over all flights of these very policies, Wilson's; flights of one seed by several of them
+    count as fewer where they tend to end alike. ``trainings``: Student's 95 % interval
     with a training (its demonstrations, weights and flights) as the unit, within [0, 100]; None of a single one. It has
     no width where all trainings fly alike, and then says less than the flights do.
     """
+    results = list(results)
     counts = [(result.success["count"], len(result.episodes)) for result in results]
     count, episodes = (sum(column) for column in zip(*counts, strict=True))
     rates = np.array([won / flown for won, flown in counts])
@@ -55,7 +57,7 @@ def pooled_row(results: Iterable[EvaluationResult]) -> Row:
         "success": count,
         "episodes": episodes,
         "percent": _percent(count / episodes),
-        **_interval("flights", wilson(count, episodes)),
+        **_interval("flights", wilson_of_seeds([{e.seed: e.success for e in each.episodes} for each in results])),
         **_interval("trainings", t_interval(rates)),
         "worst": _percent(rates.min()),
         "best": _percent(rates.max()),

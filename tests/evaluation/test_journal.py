@@ -191,6 +191,10 @@ def test_a_result_of_something_else_stays(
     assert (tmp_path / "judged" / "evaluation.json").read_bytes() == before
     assert main([*words, "max_steps=8", "overwrite=true"]) == 0
     assert json.loads((tmp_path / "judged" / "evaluation.json").read_text()) != json.loads(before)
+    (tmp_path / "judged" / "evaluation.json").write_bytes(before[: len(before) // 2])
+    assert main([*words, "max_steps=9"]) == 2
+    assert "overwrite=true" in capsys.readouterr().err
+    assert main([*words, "max_steps=9", "overwrite=true"]) == 0, "what was advised is possible"
 
 
 @pytest.mark.parametrize("place", ["demos", "demos/inside", "demos/demos"])

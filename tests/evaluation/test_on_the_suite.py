@@ -8,10 +8,12 @@ import pytest
 import aerial_il
 from aerial_il.core.contracts import attach
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.latency import Latency
 from aerial_il.evaluation.baselines import BASELINES
 from aerial_il.evaluation.result import EvaluationResult
 from aerial_il.evaluation.rollouts import evaluate, rollouts
 from aerial_il.presentation.films import video
+from aerial_il.suite.late import late
 
 CELLS = (("fa_hexa_arm4", "pick_place"), ("ua_quad_arm4", "reach"))
 
@@ -75,6 +77,15 @@ def test_hovering_stays_where_it_began(level: str) -> None:
     for _ in range(100):
         obs = env.step(policy.act(obs)).obs
     assert np.abs(obs["base_pos"] - start).max() < 0.15
+    env.close()
+
+
+def test_hovering_bears_latency() -> None:
+    env = late(aerial_il.load_batch("ua_quad_arm4", "reach", num_envs=2, num_threads=1), Latency(action_delay_ms=40))
+    policy = attach(BASELINES["hover"](), env)
+    obs = env.reset(3)
+    policy.reset()
+    assert np.isfinite(env.step(policy.act(obs)).obs["base_pos"]).all()
     env.close()
 
 

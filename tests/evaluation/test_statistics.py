@@ -42,6 +42,43 @@ def test_wilson_without_trials_says_nothing_and_refuses_nonsense() -> None:
         statistics.wilson(5, 4)
 
 
+def test_flights_of_one_seed_count_as_fewer_where_they_end_alike() -> None:
+    rng = np.random.default_rng(3)
+    apart = [dict(enumerate(rng.random(100) < 0.8)) for _ in range(3)]
+    count = sum(map(sum, (each.values() for each in apart)))
+    assert statistics.wilson_of_seeds(apart[:1]) == pytest.approx(statistics.wilson(sum(apart[0].values()), 100))
+    lo, hi = statistics.wilson_of_seeds(apart)
+    narrow = statistics.wilson(count, 300)
+    assert lo <= narrow.lo + 1e-9
+    assert hi >= narrow.hi - 1e-9
+    alike = statistics.wilson_of_seeds(apart[:1] * 3)
+    assert alike == pytest.approx(statistics.wilson(sum(apart[0].values()), 100)), "thrice the same flights"
+    assert statistics.wilson_of_seeds([dict.fromkeys(range(100), True)] * 3) == pytest.approx(
+        statistics.wilson(300, 300)
+    )
+    assert all(math.isnan(end) for end in statistics.wilson_of_seeds([{}]))
+
+
+def test_where_seeds_are_hard_or_easy_95_of_100_intervals_hold_the_rate() -> None:
+    """Three policies fly 100 seeds each of which is won with a chance of its own."""
+    rng, held, naive = np.random.default_rng(4), [], []
+    for _ in range(1000):
+        chances = rng.beta(1.6, 0.4, 100)  # 0.8 in the mean
+        flown = rng.random((3, 100)) < chances
+        lo, hi = statistics.wilson_of_seeds([dict(enumerate(each)) for each in flown])
+        held.append(lo <= 0.8 <= hi)
+        lo, hi = statistics.wilson(int(flown.sum()), 300)
+        naive.append(lo <= 0.8 <= hi)
+    assert np.mean(held) > 0.93
+    assert np.mean(naive) < 0.9
+
+
+def test_a_mean_over_tasks_in_which_all_is_won_has_an_interval() -> None:
+    rng = np.random.default_rng(0)
+    assert statistics.bootstrap_macro([[100]] * 10, 100, rng=rng) == statistics.wilson(1000, 1000)
+    assert statistics.bootstrap_macro([[0], [0]], 100, rng=rng) == statistics.wilson(0, 200)
+
+
 def test_newcombe_of_a_published_example() -> None:
     interval = statistics.newcombe(48, 80, 56, 70)  # Newcombe 1998, table II, row (a), method 10, sign turned
     assert interval == pytest.approx((0.0524, 0.3339), abs=5e-5)

@@ -56,6 +56,24 @@ def test_a_pilot_of_one_s_own_is_judged(home: Path) -> None:
     assert one["success"] == other["success"]
     assert "policy=my_pilots:Still" in one["provenance"]["command"]
     assert str(home) not in sys.path
+    assert len({each["provenance"]["policy_sha256"] for each in (one, other)}) == 2, "two factories of one module"
+
+
+def test_a_result_that_names_code_does_not_run_it(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    where = ["robot=quad", "task=hover", "episodes=2", "videos=0", QUIET]
+    assert main(["evaluate", "policy=my_pilots:Still", *where, "out=judged"]) == 0
+    again = ["evaluate", "again=judged", "videos=0", QUIET]
+    (home / "my_pilots.py").write_text(PILOTS + "\nopen('ran', 'w').close()\n")
+    sys.modules.pop("my_pilots")
+    assert main([*again, "out=again"]) == 2
+    assert "files do not decide what runs" in (said := capsys.readouterr().err)
+    assert "type it too: policy=my_pilots:Still" in said
+    assert not (home / "ran").exists()
+    assert main([*again, "policy=my_pilots:make_function", "out=again"]) == 2
+    assert "flown with policy=my_pilots:Still, not with policy=my_pilots:make_function" in capsys.readouterr().err
+    assert main([*again, "policy=my_pilots:Still", "out=again"]) == 0
+    assert "2 of 2 flights are equal" in capsys.readouterr().out
+    assert (home / "ran").exists()
 
 
 def test_code_that_was_changed_is_another_pilot(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

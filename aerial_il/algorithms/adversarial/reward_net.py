@@ -195,10 +195,14 @@ class RewardNet:
 
 @torch.no_grad()
 def with_action_noise(demos: Batch, actor: SquashedGaussianNetwork) -> Batch:
-    """Return ``demos`` with the noise on their actions that ``actor`` would have added to them."""
+    """Return ``demos`` with the noise on their actions that ``actor`` would have added to them.
+
+    What stands for the action in an absorbing state is none, and stays as it is.
+    """
     _, log_std = actor.gaussian(demos.obs[:, None, :-1])
-    raw = unsquashed(demos.actions)
-    return demos._replace(actions=torch.tanh(raw + log_std.exp() * torch.randn_like(raw)))
+    raw, absorbing = unsquashed(demos.actions), demos.obs[:, -1:] > 0.0
+    noisy = torch.tanh(raw + log_std.exp() * torch.randn_like(raw))
+    return demos._replace(actions=torch.where(absorbing, demos.actions, noisy))
 
 
 def load_reward(run: str | os.PathLike[str]) -> tuple[RewardNet, Interface]:

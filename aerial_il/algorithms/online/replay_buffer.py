@@ -95,10 +95,10 @@ class ReplayBuffer:
     def add(self, rows: np.ndarray) -> None:
         """Keep rows (m, W) of :func:`rows_of`, in the places of the oldest where there is no other."""
         capacity = len(self._rows)
-        places = (self._at + np.arange(len(rows))) % capacity
-        self._rows[torch.from_numpy(places)] = torch.from_numpy(rows)
-        self._at = int((self._at + len(rows)) % capacity)
-        self._size = min(capacity, self._size + len(rows))
+        after, kept = (self._at + len(rows)) % capacity, rows[-capacity:]
+        places = (after - len(kept) + np.arange(len(kept))) % capacity
+        self._rows[torch.from_numpy(places)] = torch.from_numpy(kept)
+        self._at, self._size = int(after), min(capacity, self._size + len(rows))
 
     def sample(self, count: int) -> Batch:
         """Sample ``count`` transitions with replacement."""

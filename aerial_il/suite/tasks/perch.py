@@ -52,7 +52,7 @@ STEPS, DONE, SHARE = range(3)
 
 
 class Perch(Task):
-    """It has stood on the bar for 5 s, held by its gripper, rotors at rest; then it hovers over the bar for 1 s.
+    """It has stood on the bar for 5 s, held by its gripper, rotors at rest; then it hovers higher than the bar for 1 s.
 
     It stands: both fingers squeeze the bar between them, with at least 3 N each, within 15 cm of its middle; the thrust
     that its rotors really give is below a fifth of its weight; it is slower than 5 cm/s and within 20° of upright;
@@ -189,7 +189,7 @@ def perching(world):
 
 @kernel
 def away(world):
-    """Whether it hovers over the bar and touches nothing."""
+    """Whether it hovers higher than the bar and touches nothing."""
     slow = norm(free_vel(world, BASE)) <= SLOW_M_S
     return offset(world)[2] >= AWAY_M and slow and not touching(world, ANYTHING)
 

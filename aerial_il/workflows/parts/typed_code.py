@@ -1,5 +1,6 @@
 """Code of the user's own, named on the command line as ``module:factory``: only what is typed may name code."""
 
+import hashlib
 import importlib
 import os
 import re
@@ -32,7 +33,8 @@ def policy_of(typed: str) -> Policy:
 
     Returns:
         The policy; a plain function ``observations -> actions (n, Da)`` is made one. Where it says nothing of its
-        ``sha256``, that of the module's file stands for it: what the file imports does not count.
+        ``sha256``, that of the module's file and the factory's name stands for it: what the file imports does not
+        count.
 
     Raises:
         InvalidValueError: there is no such module or factory, it fails, or makes something else.
@@ -52,7 +54,7 @@ def policy_of(typed: str) -> Policy:
         source = getattr(sys.modules[module], "__file__", None)
         if source and not hasattr(policy, "sha256"):
             with suppress(AttributeError):  # an object without a dictionary keeps no more
-                policy.sha256 = sha256_of(source)
+                policy.sha256 = hashlib.sha256(f"{sha256_of(source)} {name}".encode()).hexdigest()
         return policy
     raise InvalidValueError(f"{typed} makes a {type(made).__name__}: neither a policy nor a function. {EXAMPLE}")
 

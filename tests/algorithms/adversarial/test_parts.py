@@ -101,6 +101,28 @@ def test_the_buffer_drops_the_oldest_and_samples_on_when_resumed() -> None:
     assert torch.equal(again.sample(50).obs, memory.sample(50).obs)
 
 
+@pytest.mark.parametrize("first", [0, 3])
+def test_of_more_than_it_holds_the_buffer_keeps_the_newest(first: int) -> None:
+    memory = ReplayBuffer(5, 1, 1, np.random.default_rng(0))
+    row = np.arange(40, dtype=np.float32)[:, None] * np.ones((1, 7), np.float32)
+    if first:
+        memory.add(row[:first])
+    memory.add(row[first:37])
+    assert set(memory.sample(200).rewards.tolist()) == {32, 33, 34, 35, 36}
+    memory.add(row[37:39])
+    assert set(memory.sample(200).rewards.tolist()) == {34, 35, 36, 37, 38}, "the oldest went first"
+
+
+def test_noise_on_demonstrated_actions_marks_no_absorbing_state() -> None:
+    actor = POLICY.build(3, 2)
+    obs, marks = torch.randn(4, 3), torch.tensor([[0.0], [1.0], [0.0], [1.0]])
+    actions = torch.where(marks > 0.0, 0.0, 0.3 * torch.ones(4, 2))
+    rows = torch.cat([obs, marks], dim=1)
+    noisy = with_action_noise(Batch(rows, actions, rows, marks, marks), actor).actions
+    assert (noisy[1::2] == 0.0).all()
+    assert (noisy[::2] != actions[::2]).all()
+
+
 def test_the_gradient_penalty_is_that_of_finite_differences() -> None:
     torch.manual_seed(0)
     score = Discriminator(3, (16,), spectral=False, dropout=0.0, running_norm=False).double()

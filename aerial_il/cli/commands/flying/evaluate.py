@@ -83,6 +83,7 @@ def _row(found: Laboratory, row: Row) -> dict[str, str]:
 
 
 OF_THE_REPETITION = ("again", "out", "num_envs", "threads", "overwrite", "videos", "rerun", "progress")
+CODE = ("policy", "env")  # keys that may name code, which nothing runs but what the user has typed
 
 
 def _again(settings: Evaluate, place: str) -> None:
@@ -91,7 +92,7 @@ def _again(settings: Evaluate, place: str) -> None:
     from aerial_il.evaluation.result import load_result
     from aerial_il.workflows.spelling import words_of
 
-    if other := words_of(settings, without=OF_THE_REPETITION):
+    if other := words_of(settings, without=(*OF_THE_REPETITION, *CODE)):
         raise InvalidValueError(f"again={place} repeats what was flown there: leave out {' '.join(other)}.")
     if Path(settings.out).resolve() in (Path(place).resolve(), Path(place).resolve().parent):
         raise InvalidValueError(f"out={settings.out} holds the evaluation that is to be repeated: name another folder.")
@@ -100,10 +101,32 @@ def _again(settings: Evaluate, place: str) -> None:
     if typed[:2] != ["aerial-il", "evaluate"]:
         raise InvalidValueError(f"{place} does not say by which command it was evaluated: repeat it by hand.")
     earlier = compose.compose(commands.find("evaluate"), typed[2:])
+    _require_typed(place, settings, earlier)
     own = {name: getattr(settings, name) for name in OF_THE_REPETITION if name != "again"}
     made = evaluate(replace(earlier, **own))
+    if made.written is None:
+        raise InvalidValueError(
+            f"out={settings.out} holds a finished result, and nothing was flown: name an empty folder."
+        )
     print(f"{before.policy}: success {made.result.headline()}, {before.headline()} before")
     print(_repeated(before, made.result))
+
+
+def _require_typed(place: str, settings: Evaluate, earlier: Evaluate) -> None:
+    """Refuse to run code that a result names and nobody typed, and what was typed but was not flown there."""
+    from aerial_il.workflows.parts.typed_code import names_code
+
+    for name in CODE:
+        flown, typed = getattr(earlier, name), getattr(settings, name)
+        if typed and typed != flown:
+            raise InvalidValueError(
+                f"again={place} was flown with {name}={flown}, not with {name}={typed}: leave it out."
+            )
+        if not typed and flown and (names_code(flown) if name == "policy" else flown.count(":") >= 2):
+            raise InvalidValueError(
+                f"again={place} was flown with {name}={flown}, which names code, and files do not decide what runs. If "
+                f"you trust it, type it too: {name}={flown}"
+            )
 
 
 def _repeated(before: EvaluationResult, now: EvaluationResult) -> str:

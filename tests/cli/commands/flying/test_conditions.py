@@ -76,6 +76,8 @@ def test_an_evaluation_is_repeated_flight_by_flight(
         assert main(["evaluate", f"again={place}", f"out={flown / 'wind-2'}", "overwrite=true"]) == 2
         assert "holds the evaluation that is to be repeated" in capsys.readouterr().err
     assert main(["evaluate", f"again={tmp_path}", f"out={tmp_path / 'other'}"]) == 2
+    assert main(["evaluate", *again, "num_envs=2"]) == 2, "the folder holds that very result: nothing would be flown"
+    assert "nothing was flown" in capsys.readouterr().err
 
 
 def test_flights_that_somebody_left_out_are_missed(
