@@ -8,7 +8,6 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from itertools import count
 from typing import Any
 
 import numpy as np
@@ -173,17 +172,19 @@ class OffboardClient:
     def _answered(self, name: str, numbers: Sequence[float]) -> Any:
         """Return the acknowledgement of a command, which is sent again while none comes: datagrams get lost."""
         number, until_s = getattr(dialect(), name), time.monotonic() + self._wire.patience_s
-        for times in count():
+        answer, times = None, 0
+        while answer is None:
             self._wire.send(command_message(name, *numbers, confirmation=times))
+            times += 1
             with suppress(NoAnswerError):
-                for message in self._wire.wait_for(
+                *before, answer = self._wire.wait_for(
                     "COMMAND_ACK", lambda ack: ack.command == number, within_s=self._asks_again_s
-                ):
+                )
+                for message in before:
                     self._reader.take(message)
-                break
-            if time.monotonic() > until_s:
-                raise LinkError(f"The autopilot has not answered {name}, sent {times + 1} times.")
-        return message
+            if answer is None and time.monotonic() > until_s:
+                raise LinkError(f"The autopilot has not answered {name}, sent {times} times.")
+        return answer
 
     def close(self) -> None:
         """Hang up."""

@@ -121,7 +121,7 @@ class Reader:
         stamp, before = 1e-3 * local.time_boot_ms, -math.inf if self.state is None else self.state.stamp
         if stamp < before - self._late_s:
             raise LinkError(f"The autopilot's clock jumped back, from {before:.3f} to {stamp:.3f} s.")
-        if stamp <= before or self.lacking:
+        if stamp <= before or self._arm is None or self.lacking:
             return
         beat, landed, turned = (self._parts[name] for name in NEEDED)
         offboard = beat.custom_mode >> 16 & 0xFF == OFFBOARD

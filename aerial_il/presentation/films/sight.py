@@ -57,7 +57,7 @@ class Sight:
         shown = self._obs[name][0]
         size = (round(height * shown.shape[1] / shown.shape[0]), height)
         if self._spec[name].is_depth:
-            shown = np.uint8(255.0 * np.clip(shown / FAR_M, 0.0, 1.0))
+            shown = (255.0 * np.clip(shown / FAR_M, 0.0, 1.0)).astype(np.uint8)
         picture = Image.fromarray(shown).resize(size, Image.Resampling.NEAREST)
         if self._policy is not None:
             camera = next(each for each in self._policy.eyes.cameras if each.image == name)
