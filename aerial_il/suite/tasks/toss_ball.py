@@ -196,7 +196,7 @@ def grasped(world):
 
 @kernel
 def flying(world):
-    """Whether the ball is on its way, faster than a hand is led."""
+    """Whether the ball is on its way, faster than a hand is led; also when it falls: success asks where it lands."""
     return not touching(world, ROBOT_ON_BALL) and norm(free_vel(world, BALL)) > 0.5
 
 
