@@ -25,7 +25,7 @@ def model_card(
     spec, layout, config = policy.spec, policy.interface.layout, policy.config
     fields = [spec.observation[name] for name in (*layout.names, *layout.images)]
     told = wordings_of(spec)
-    tell = f"policy.told = {told[0]!r}\n" if told else ""
+    tell = f"policy.told = {next(iter(told))!r}\n" if told else ""
     bounds = zip(spec.action.labels, spec.action.units, spec.action.low, spec.action.high, strict=True)
     facts = {
         "robot": plain(spec.robot),

@@ -72,7 +72,7 @@ class Together(Shown):
             "sources": [source.decided_by() for source in self.sources()],
             "demos": self.demos,
             "words": [registered.get(task).wordings for task in self.tasks] if self.words else None,
-            **({"understood": "as the nearest of them"} if self.words else {}),
+            **({"understood": "as the nearest of them, shown as the instruction"} if self.words else {}),
             "policy": described(self.policy),
             "algorithm": without_cadence(self.algorithm),
         }

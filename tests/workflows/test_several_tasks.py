@@ -19,6 +19,7 @@ from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies import load_flying
 from aerial_il.policies.parts.language import TOLD
 from aerial_il.policies.parts.tasks import wordings_of
+from aerial_il.suite import tasks
 from aerial_il.workflows.parts import demonstrations, run_results
 from tests.links.test_fly import fresh_policy
 
@@ -110,8 +111,8 @@ def test_other_words_are_taken_for_the_nearest_that_it_learned_from(
     worded: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     policy, other = load_flying(worded), load_flying(worded)
-    known = wordings_of(policy.spec)
-    assert len(known) > 2, "several of each task"
+    known = [*wordings_of(policy.spec)]
+    assert len(known) == sum(1 + len(tasks.get(task).wordings) for task in TASKS), "all of each task"
     with closing(aerial_il.load_batch("ua_quad_arm4", "press_button", num_envs=1)) as env:
         obs = env.reset(np.array([0]))
         for each in (policy, other):
@@ -121,13 +122,15 @@ def test_other_words_are_taken_for_the_nearest_that_it_learned_from(
         assert f"as {known[-1]!r}" in caplog.text
         caplog.clear()
         policy.reset()
-        policy.told = known[0]
+        policy.told = tasks.get("press_button").instruction  # the other was of reach
+        policy.reset()
+        other.reset()
         assert np.any(policy.act(obs) != other.act(obs))
         assert not caplog.text, "what was learned from needs no word"
 
 
 def test_a_result_says_what_an_instruction_was_taken_for(worded: Path, tmp_path: Path) -> None:
-    known = wordings_of(load_flying(worded).spec)[0]
+    known = next(iter(wordings_of(load_flying(worded).spec)))
     asked = [f"policy={worded}", "task=reach", "episodes=1", "videos=0", f"out={tmp_path / 'out'}", QUIET]
     assert main(["evaluate", *asked, f"instruction={known} Now!"]) == 0
     told = load_result(tmp_path / "out").provenance["environment"]
@@ -141,7 +144,7 @@ def test_before_it_is_told_anything_it_does_not_act(worded: Path) -> None:
         policy.task = "press_button"
         with pytest.raises(InvalidValueError, match="set its `told`, or attach it first"):
             policy.act(obs)
-        policy.told = wordings_of(policy.spec)[0]
+        policy.told = next(iter(wordings_of(policy.spec)))
         policy.act(obs)
 
 

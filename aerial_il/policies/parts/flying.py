@@ -96,7 +96,7 @@ class FlyingPolicy(ABC):
         self.task, self.execution = self.spec.task, AS_TRAINED
         self._told: str | None = None
         self._instruction: str | None = None if wordings_of(self.spec) else self.spec.instruction
-        self._meant: tuple[str, str] = ("", "")  # what it was told, and what it takes that for
+        self._told_last, self._meant = "", ("", np.zeros(0))
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
@@ -327,15 +327,15 @@ class FlyingPolicy(ABC):
         if text is not None and known and language.understood(text, known) is None:
             raise InvalidValueError(
                 f"Nothing that the policy learned from is like the instruction {text!r}. It knows, among others: "
-                f"{' | '.join(known[:: max(1, len(known) // MOST_NAMED)][:MOST_NAMED])}"
+                f"{' | '.join([*known][:: max(1, len(known) // MOST_NAMED)][:MOST_NAMED])}"
             )
         self._told = text
 
     @property
     def understood(self) -> str | None:
-        """The wording that it learned from and takes its instruction for; None where it is told nothing in words."""
+        """The wording that it knows and takes its instruction for; None where it is told nothing in words."""
         text = self._instruction if self.told is None else self.told
-        return self._understood(text) if self.goes_by_words and text is not None else None
+        return self._understood(text)[0] if self.goes_by_words and text is not None else None
 
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
@@ -355,9 +355,10 @@ class FlyingPolicy(ABC):
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
         if self.goes_by_words:
-            if (meant := self.understood) is None:
+            if (text := self._instruction if self.told is None else self.told) is None:
                 raise InvalidValueError("The policy is told in words what to do: set its `told`, or attach it first.")
-            obs = {**obs, language.FIELD: np.tile(language.embedded(meant), (len(next(iter(obs.values()))), 1))}
+            words = self._understood(text)[1]
+            obs = {**obs, language.FIELD: np.tile(words, (len(next(iter(obs.values()))), 1))}
         if tasks == (self.spec.task,):
             return obs
         if self.task not in tasks:
@@ -365,17 +366,21 @@ class FlyingPolicy(ABC):
             raise UnknownNameError("task of the policy", self.task, tasks, hint)
         return completed(obs, self.spec, self.task)
 
-    def _understood(self, text: str) -> str:
-        """Return the wording that is nearest to an instruction, or itself where it is like none; said once."""
-        if text != self._meant[0]:
+    def _understood(self, text: str) -> tuple[str, np.ndarray]:
+        """Return the wording nearest to an instruction, or that itself where none is like it, and how it is shown (S,).
+
+        What it is taken for is said once.
+        """
+        if text != self._told_last:
             known = wordings_of(self.spec)
             meant = language.understood(text, known) if known else text
             if meant is None:
                 log.warning("Nothing that the policy learned from is like the instruction %r.", text)
             elif meant != text:
                 log.warning("Understood %r as %r.", text, meant)
-            self._meant = text, meant or text
-        return self._meant[1]
+            meant = meant or text
+            self._told_last, self._meant = text, (meant, language.embedded(known.get(meant, meant)))
+        return self._meant
 
     def _count(self, n: int) -> None:
         if self._worlds not in (None, n):

@@ -3,8 +3,8 @@
 Demonstrations of several tasks are shown as if they came from one environment, whose observation has every field of
 any of them, zero where a task has no such field, and ``task_id``, which is 1 at the task's place and 0 elsewhere. In
 flight the environment says which task it is. Demonstrations that say in words what they do have ``instruction``
-instead, and in flight the policy is told in words. All wordings that it learned from are then the instruction of its
-specification, a line each.
+instead, and in flight the policy is told in words. All that it can be told is then the instruction of its
+specification: a line for each wording, and behind a tab the instruction that it stands for and is shown as.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,7 @@ from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import EnvSpec, Field, ObservationSpec
 from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.language import sayings
 
 TASK_ID, AND = "task_id", "+"
 OWN = ("task", "observation", "max_steps", "instruction", "subtasks", "state_size")  # in what tasks may differ
@@ -62,7 +63,8 @@ def unite(demos: Sequence[Episode]) -> list[Episode]:
         InvalidValueError: those of one task, or of all, come from several environments.
     """
     if language.FIELD in demos[0].spec.observation.names:
-        wordings = "\n".join(dict.fromkeys(" ".join(demo.instruction.split()) for demo in demos))
+        said = {text: meant for demo in demos for text, meant in sayings(demo).items()}
+        wordings = "\n".join(f"{text}\t{meant}" for text, meant in said.items())
         demos = [replace(demo, spec=replace(demo.spec, instruction=wordings)) for demo in demos]
     specs = dict[str, EnvSpec]()
     for demo in demos:
@@ -76,13 +78,14 @@ def unite(demos: Sequence[Episode]) -> list[Episode]:
     return [replace(d, spec=spec, obs=completed(d.obs, spec, d.spec.task)) for d in demos]
 
 
-def wordings_of(spec: EnvSpec) -> tuple[str, ...]:
-    """Return what a policy for ``spec`` can be told, each wording that it learned from; empty where these are not kept.
+def wordings_of(spec: EnvSpec) -> dict[str, str]:
+    """Return what a policy for ``spec`` can be told -> as what it is shown that; empty where these are not kept.
 
     Once they were not: there was one line, whatever had been learned from.
     """
-    known = tuple(spec.instruction.splitlines()) if language.FIELD in spec.observation.names else ()
-    return known if len(known) > 1 else ()
+    if language.FIELD not in spec.observation.names or "\t" not in spec.instruction:
+        return {}
+    return dict(line.split("\t", 1) for line in spec.instruction.splitlines())
 
 
 def as_one_of(whole: EnvSpec, spec: EnvSpec) -> EnvSpec:
