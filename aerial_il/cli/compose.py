@@ -90,9 +90,11 @@ def points(command: Command, overrides: Sequence[str]) -> list[tuple[tuple[str, 
     free = [(word, each) for word, each in zip(overrides, parsed, strict=True) if each.key_or_group != target]
     ways = [_ways(word, each) for word, each in free]
     swept = [place for place, (_, each) in enumerate(free) if each.is_sweep_override()]
-    jobs = []
+    jobs, named = [], set[str]()
     for number, point in enumerate(itertools.product(*ways)):
         name = ",".join(_shown(point[place]) for place in swept) or str(number)
+        name = f"{name},{number}" if name in named else name
+        named.add(name)
         folder = str(Path(top) / name)
         jobs.append(((*point, *([f"{target}={literal(folder)}"] if target else [])), folder))
     return jobs

@@ -92,6 +92,13 @@ def literals(values: str) -> str:
     return ",".join(part if is_quoted(part) else literal(part) for part in parts(values))
 
 
+def _texts_or_null(values: str) -> str:
+    """Return a sweep over texts of which some may be null, which no text is."""
+    if _FUNCTION.match(values):
+        return values
+    return ",".join(part if part == "null" else literals(part) for part in parts(values))
+
+
 def _own(command: Command) -> set[str]:
     own = {field.name for field in fields(command.settings)} | {*getattr(command.settings, "PRESETS", {})}
     return own | {FROM} if hasattr(command.settings, "like") else own
@@ -169,7 +176,7 @@ def _override(key: Key, name: str, value: str, sweeps: bool) -> str:
         few = presets.names(name)
         return f"{name}.{'name' if all(part in few for part in parts(value)) else 'path'}={quoted(value)}"
     if key.takes == "text":
-        return f"{name}={quoted(value)}"
+        return f"{name}={_texts_or_null(value) if sweeps and key.nullable else quoted(value)}"
     if key.takes == "texts" and value[:1] + value[-1:] != "[]":
         return f"{name}={_list([value])}"
     if key.takes == "texts" and "=" in value and not sweeps:  # which Hydra reads in no list

@@ -161,6 +161,12 @@ def state_of(run: TrainingRun) -> str:
     return "finished" if run.finished else f"step {run.steps}" + (f" of {total}" if total else "")
 
 
+def inner_runs(run: Path) -> list[Path]:
+    """Return the runs that lie in the folder of another one, which are not listed."""
+    inner = (child for child in sorted(run.iterdir()) if child.is_dir() and not child.is_symlink())
+    return [place for child in inner if child.name not in _INSIDE for place in _candidates(child)]
+
+
 def _candidates(folder: Path) -> list[Path]:
     """Return the folders that are runs or begin to be, by name; a run's own folders and links are not entered."""
     runs: list[Path] = []

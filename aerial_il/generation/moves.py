@@ -7,7 +7,7 @@ between is transit, which is planned anew.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -59,7 +59,19 @@ def find_cuts(source: Source) -> tuple[Cut, ...]:
     starts = [_approach(source, move.first) for move in moves]
     ends = [*starts[1:], len(source)]
     cuts = (_cuts_of(source, *each) for each in zip(moves, starts, ends, strict=True))
-    return tuple(cut for each in cuts for cut in each)
+    return _one_after_the_other([cut for each in cuts for cut in each])
+
+
+def _one_after_the_other(cuts: Sequence[Cut]) -> tuple[Cut, ...]:
+    """Return cuts, each ended where the next begins; of moves that overlap, nothing may be left of one."""
+    found = list[Cut]()
+    for cut in cuts:
+        first = max(cut.first, found[-1].first + 1 if found else 0)
+        if first < cut.last:
+            if found and found[-1].last > first:
+                found[-1] = replace(found[-1], last=first)
+            found.append(replace(cut, first=first))
+    return tuple(found)
 
 
 def carries(source: Source) -> list[Move]:

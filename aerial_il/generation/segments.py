@@ -61,8 +61,13 @@ def cut(source: Source) -> tuple[Segment, ...]:
         except AerialError as error:
             again = f"aerial-il segment DATASET uid={source.uid} cuts=[found]"
             raise InvalidValueError(f"{source.uid} cannot be cut as was said: {error} Take it back: {again}") from None
-    carried = carries(source)
-    return tuple(_segment(source, each, carried) for each in cuts_of(source))
+    carried, cuts = carries(source), cuts_of(source)
+    try:
+        check_cuts(cuts, source.names, len(source))
+    except AerialError as error:
+        by_hand = f"aerial-il segment DATASET uid={source.uid}"
+        raise InvalidValueError(f"No cuts are found in {source.uid}: {error} Cut it by hand: {by_hand}") from None
+    return tuple(_segment(source, each, carried) for each in cuts)
 
 
 def _segment(source: Source, cut: Cut, carried: Iterable[Move]) -> Segment:

@@ -1,5 +1,6 @@
 """Where the things of a scene are: bodies that an episode places anew, or that can be moved, the robot's excepted."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,6 +9,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.specs import Field
 from aerial_il.generation.transit import Boxes, boxes
 from aerial_il.suite.physics.physics_batch import SIGNATURE
@@ -140,9 +142,9 @@ def turning_of(thing: Thing, fields: Iterable[Field]) -> Turning:
     """Return how paths turn with ``thing``, by what a task shows of it.
 
     A thing on a joint is turned in full: along with what it is fixed to. Else the task's field ``NAME_...`` of the
-    thing, or of a site on it, decides: six numbers of a rotation, or cosine and sine of its heading, whose labels say
-    of how many times the heading (``cos4``: a cube is the same after a quarter turn). What no field tells of is turned
-    so that nobody could see it, and the path is moved alone.
+    thing, or of a site on it, decides: six numbers of a rotation, or, without a unit, cosine and sine of its heading,
+    whose labels say of how many times the heading (``cos4``: a cube is the same after a quarter turn). What no field
+    tells of is turned so that nobody could see it, and the path is moved alone.
     """
     if thing.is_jointed:
         return Turning("full")
@@ -150,10 +152,9 @@ def turning_of(thing: Thing, fields: Iterable[Field]) -> Turning:
     about = [field for field in fields if any(field.name.startswith(f"{owner}_") for owner in owners)]
     if any(field.name.endswith("_rot6d") for field in about):
         return Turning("full")
-    for labels in (field.labels for field in about if field.shape == (2,)):
-        if labels[:1] and labels[0].startswith("cos"):
-            return Turning("heading", int(labels[0].removeprefix("cos") or 1))
-        return Turning("heading")
+    for labels in (field.labels for field in about if field.shape == (2,) and not field.unit):
+        folds = re.match(r"cos(\d*)", labels[0]) if labels else None
+        return Turning("heading", int(folds[1] or 1) if folds else 1)
     return Turning("not")
 
 
@@ -172,5 +173,9 @@ def _things(model: mujoco.MjModel) -> Iterable[Thing]:
         geoms = [k for k in range(model.ngeom) if model.geom_bodyid[k] == body]
         reach = max((model.geom_rbound[k] + np.linalg.norm(model.geom_pos[k]) for k in geoms), default=0.0)
         sites = tuple(model.site(k).name for k in range(model.nsite) if model.site_bodyid[k] == body)
+        if not placed and int(model.jnt_type[first]) not in KINDS:
+            raise InvalidValueError(
+                f"{model.body(body).name} hangs on a ball joint: nothing is generated there. Take two hinges."
+            )
         kind = "placed" if placed else KINDS[int(model.jnt_type[first])]
         yield Thing(model.body(body).name, body, -1 if placed else first, kind, 2.0 * float(reach), sites)

@@ -65,14 +65,14 @@ def workspace(robot: Robot) -> tuple[np.ndarray, np.ndarray]:
     """Workspace of the tool: joint positions (N, J) rad and tool positions (N, 3) m in the base frame.
 
     Random postures within the joint limits, less those that bring the tool into the body: of a hanging arm those above
-    the base's underside, of a standing one those below its floor.
+    the base's underside, of a standing one those below its floor; none where that leaves nothing, of an arm on top.
     """
     vehicle, rng = robot.vehicle, np.random.default_rng(0)
     joints = rng.uniform(vehicle.joint_low, vehicle.joint_high, (POSTURES, robot.num_joints))
     tools = np.array([robot.tool_at(posture)[0] for posture in joints])
     floor = -robot.base.pose[2]
     free = tools[:, 2] > floor if robot.fixed else tools[:, 2] < -robot.base.hub_size[2]
-    return joints[free], tools[free]
+    return (joints[free], tools[free]) if free.any() else (joints, tools)
 
 
 @cache

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -76,6 +78,14 @@ def test_hover_power_is_that_of_momentum_theory() -> None:
     assert even <= power < 1.1 * even
     assert figures.hover_power(robots.get("floating_gripper")) is None
     assert figures.hover_power(robots.get("z1")) is None
+
+
+def test_an_arm_that_stands_on_top_has_figures() -> None:
+    robot = robots.get("ua_quad_arm4")
+    on_top = replace(robot, name="top", arm=replace(robot.arm, mount=(0.0, 0.0, 0.5)))
+    joints, tools = figures.workspace(on_top)
+    assert len(joints) == len(tools) > 0
+    assert len(figures.stances(on_top)) == 3
 
 
 @pytest.mark.parametrize("robot", [r for r in ROBOTS if r.num_joints], ids=lambda robot: robot.name)

@@ -4,9 +4,11 @@ The space is written as Hydra writes it: ``interval(0,1)``, ``tag(log,interval(1
 ``choice(a,b)`` or ``a,b``. What was tried is kept in the sweep's folder; the same command goes on where it was killed.
 """
 
+import fcntl
 import subprocess
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,11 +17,14 @@ from aerial_il.cli.sweeps.board import Board
 from aerial_il.cli.sweeps.job import Job, start, stop
 from aerial_il.cli.sweeps.optional import require
 from aerial_il.core.errors import AerialError, InvalidValueError
+from aerial_il.core.files import open_own
 from aerial_il.evaluation.curves import read_rows
 from aerial_il.evaluation.training_run import METRICS
 from aerial_il.workflows.parts.names import at_least
+from aerial_il.workflows.spelling import literal
 
-STUDY, JOURNAL = "search", "search.journal"
+STUDY, JOURNAL, LOCK = "search", "search.journal", "search.lock"
+ASKED = "asked"  # of a study: what was searched for
 POLL_S = 0.2
 _MOST_TRIALS = 100_003  # seeds of searches lie so far apart
 
@@ -65,7 +70,19 @@ class Optuna:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.WARNING)
+        asked = {
+            "command": command, "words": [*map(str, fixed)], "space": {key: str(value) for key, value in space.items()},
+            "metric": self.metric, "minimize": self.minimize,
+        }  # fmt: skip
+        with _alone(Path(folder)):
+            return self._searched(asked, command, space, fixed, target, folder)
+
+    def _searched(
+        self, asked: Mapping[str, Any], command: str, space: Mapping[str, Any], fixed: Sequence[str], target: str,
+        folder: str,
+    ) -> Board:  # fmt: skip
         study = self._study(Path(folder))
+        _check(study, asked, folder)
         search = _Search(study, self, command, {k: distribution(k, v) for k, v in space.items()}, fixed, target, folder)
         search.run()
         finished = [trial for trial in study.trials if trial.value is not None]
@@ -136,7 +153,8 @@ class _Search:
         from optuna.trial import TrialState
 
         folder = f"{self.folder}/trial={trial.number}"
-        words = (*self.fixed, *(f"{key}={value}" for key, value in trial.params.items()), f"{self.target}='{folder}'")
+        tried = (f"{key}={'null' if value is None else value}" for key, value in trial.params.items())
+        words = (*self.fixed, *tried, f"{self.target}={literal(folder)}")
         job = Job(self.command, words, folder)
         self.board.jobs = (*self.board.jobs, job)
         self.board.started(job)
@@ -178,6 +196,30 @@ class _Search:
         file = Path(job.folder) / METRICS
         rows = read_rows(file) if file.exists() else ()
         return [(int(row["step"]), float(row[self.settings.metric])) for row in rows if self.settings.metric in row]
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Search in a folder in which nobody else does."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with open_own(folder / LOCK) as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InvalidValueError(
+                f"{folder}: another process searches there. Wait for it; optuna.jobs=N runs several trials at a time."
+            ) from None
+        yield
+
+
+def _check(study: Any, asked: Mapping[str, Any], folder: str) -> None:
+    """Refuse to go on with a search for something else."""
+    before = study.user_attrs.get(ASKED)
+    if before is None:
+        study.set_user_attr(ASKED, dict(asked))
+    elif differing := [key for key in asked if before.get(key) != asked[key]]:
+        said = "; ".join(f"{key} {before.get(key)} there, {asked[key]} now" for key in differing)
+        raise InvalidValueError(f"{folder} holds another search ({said}): choose another folder for this one.")
 
 
 def distribution(key: str, sweep: Any) -> Any:

@@ -68,10 +68,11 @@ def consistency(traces: Sequence[Trace]) -> dict[str, Consistency]:
 def _expected(traces: Sequence[Trace], fold: np.ndarray, trusted: np.ndarray, features: Features) -> list[np.ndarray]:
     """Return what those episodes that are ``trusted`` (E,), of other folds than its own, say of each one's actions."""
     folds = range(fold.max() + 1)
-    sums = [_sums([traces[i] for i in np.flatnonzero((fold == k) & trusted)], features) for k in folds]
+    chosen = [[traces[i] for i in np.flatnonzero((fold == k) & trusted)] for k in folds]
+    sums = [_sums(each, features) if each else None for each in chosen]  # of a small fold none may be trusted
     fitted = []
     for k in folds:
-        others = [each for j, each in enumerate(sums) if j != k]
+        others = [each for j, each in enumerate(sums) if j != k and each is not None]
         gram, moment = np.sum([each[0] for each in others], axis=0), np.sum([each[1] for each in others], axis=0)
         rows = sum(each[2] for each in others)
         fitted.append(np.linalg.solve(gram + RIDGE * rows * np.eye(len(gram)), moment))

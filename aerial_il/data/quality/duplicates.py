@@ -22,11 +22,8 @@ def repeated(traces: Sequence[Trace]) -> dict[str, str]:
     if len(traces) < 2:
         return {}
     points = np.stack([trace.along() for trace in traces]).reshape(len(traces), -1)
-    distances, nearest = KDTree(points).query(points, k=2)
-    same = distances[:, 1] <= SAME_SHARE * np.median(distances[:, 1])
-    found = dict[str, str]()
-    for i in np.flatnonzero(same).tolist():
-        other = next(int(k) for k in np.asarray(nearest)[i] if k != i)
-        if other < i:
-            found[traces[i].uid] = traces[other].uid
-    return found
+    tree = KDTree(points)
+    distances, _ = tree.query(points, k=2)
+    near = tree.query_ball_point(points, SAME_SHARE * np.median(distances[:, 1]))
+    earlier = {i: min(others) for i, others in enumerate(near) if min(others) < i}
+    return {traces[i].uid: traces[other].uid for i, other in earlier.items()}

@@ -48,7 +48,7 @@ def _shares(states: np.ndarray, actions: np.ndarray) -> np.ndarray:
     nearest = np.sort(apart.max(axis=0), axis=1)
     share = np.zeros(count)
     for k in NEIGHBOURS:
-        near = np.sum(apart < nearest[:, k : k + 1], axis=2)  # itself among them
+        near = np.maximum(np.sum(apart < nearest[:, k : k + 1], axis=2), 1)  # itself among them, also of equal rows
         share += digamma(k) + digamma(count) - digamma(near[0]) - digamma(near[1])
     return share / len(NEIGHBOURS)
 

@@ -7,8 +7,10 @@ from pathlib import Path
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import open_own
-from aerial_il.evaluation.run_collection import TRASH
+from aerial_il.evaluation.run_collection import TRASH, inner_runs
 from aerial_il.evaluation.training_run import TrainingRun, is_run
+
+OWN = {"prior", "reward"}  # folders of a run that are runs themselves, and its own
 
 
 def prune(run: TrainingRun, folder: Path, *, delete: bool) -> str:
@@ -20,6 +22,8 @@ def prune(run: TrainingRun, folder: Path, *, delete: bool) -> str:
     inside = folder.resolve() in run.path.resolve().parents
     if run.path.is_symlink() or not inside or not is_run(run.path):
         raise InvalidValueError(f"{run.path} is not pruned: it is a link, or not a run below {folder}.")
+    if others := [place for place in inner_runs(run.path) if place.name not in OWN]:
+        return f"{run.path}: left alone, another run lies in it: {others[0]}"
     with open_own(run.path / ".lock") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,5 +1,6 @@
 """A search: its space as Hydra writes it, trials that are stopped early, and the same trials after a kill."""
 
+import fcntl
 import subprocess
 import sys
 import time
@@ -15,7 +16,8 @@ from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
 
 optuna = pytest.importorskip("optuna")
-from aerial_il.cli.sweepers.optuna import JOURNAL, STUDY, distribution  # noqa: E402
+from aerial_il.cli.sweepers import optuna as sweeper  # noqa: E402
+from aerial_il.cli.sweepers.optuna import JOURNAL, LOCK, STUDY, Optuna, distribution  # noqa: E402
 
 SPACE = ["algorithm.lr=tag(log,interval(0.000001,0.03))", "policy.chunk=choice(5,10)"]
 WORDS = ["train", "-m", "dataset=demos", "experiment=quick", "algorithm.steps=200", "policy.hidden=[16]", *SPACE]
@@ -54,6 +56,34 @@ def test_a_space_is_read_as_hydra_writes_it() -> None:
 def test_a_search_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["train", "run=x", "sweeper=optuna"]) == 2
     assert "add -m" in capsys.readouterr().err
+
+
+def test_a_folder_holds_one_search_and_one_process_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object, **__: object) -> Any:
+        raise InvalidValueError("no room")
+
+    monkeypatch.setattr(sweeper, "start", refused)
+    ways, _ = swept("algorithm.lr=interval(0.1,0.2)", "run=r")
+    folder, other = str(tmp_path / "bob's"), {"algorithm.lr": swept("algorithm.lr=0.1,0.2", "run=r")[0]["algorithm.lr"]}
+
+    def search(how: Optuna, space_: Any = ways, fixed: str = "dataset.path=a") -> None:
+        how.search("train", space_, [fixed], "run", folder)
+
+    search(Optuna(trials=1))
+    search(Optuna(trials=2, jobs=2))  # goes on
+    assert len(trials(Path(folder))) == 2
+    for how, typed, said in (
+        (Optuna(), {"fixed": "dataset.path=b"}, "words"),
+        (Optuna(minimize=True), {}, "minimize"),
+        (Optuna(metric="evaluate/loss"), {}, "metric"),
+        (Optuna(), {"space_": other}, "space"),
+    ):
+        with pytest.raises(InvalidValueError, match=f"holds another search .*{said}.*choose another folder"):
+            search(how, **typed)
+    with (Path(folder) / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(InvalidValueError, match="another process searches there"):
+            search(Optuna(trials=3))
 
 
 def trials(folder: Path) -> list[tuple[int, str, dict[str, Any], float | None]]:

@@ -175,3 +175,11 @@ def test_a_job_ends_with_the_process_that_started_it(tmp_path: Path) -> None:
 def test_a_value_with_a_slash_is_no_path_of_folders() -> None:
     points = compose.points(find("train"), ["dataset.path=a/x,b/x", "run=runs/sweep"])
     assert [folder for _, folder in points] == ["runs/sweep/dataset.path=a-x", "runs/sweep/dataset.path=b-x"]
+    alike = compose.points(find("train"), ["dataset.path=a-b,a/b", "run=runs/sweep"])
+    assert [folder for _, folder in alike] == ["runs/sweep/dataset.path=a-b", "runs/sweep/dataset.path=a-b,1"]
+
+
+def test_null_is_swept_as_such() -> None:
+    typed = read(find("train"), ["-m", "policy.anchor=null,ee_pos", "dataset=d", "run=r"]).overrides
+    tried = [point[0] for point, _ in compose.points(find("train"), typed)]
+    assert tried == ["policy.anchor=null", "policy.anchor=ee_pos"]

@@ -113,6 +113,15 @@ def test_pruned_runs_go_to_the_trash_and_nothing_else_does(folder: Path) -> None
     assert sorted(path.name for path in (folder / "trash").iterdir()) == ["seed=1", "seed=1.1", "seed=2"]
 
 
+def test_a_run_in_which_another_lies_is_left_alone(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_run(folder / "seed=1" / "finetuned", seed=1, rates=(0.1, 0.7))
+    make_run(folder / "seed=2" / "prior", seed=2, rates=(0.1, 0.7))  # its own beginning
+    assert main(["runs", str(folder), "where=success<0.8", "prune=delete"]) == 0
+    assert "left alone, another run lies in it" in capsys.readouterr().out
+    assert (folder / "seed=1" / "finetuned" / "config.yaml").exists()
+    assert not (folder / "seed=2").exists()
+
+
 def test_deleting_needs_conditions_and_spares_what_is_no_run(folder: Path) -> None:
     assert main(["runs", str(folder), "prune=delete"]) == 2
     assert main(["runs", str(folder), "where=success>0.5", "prune=all"]) == 2
