@@ -298,4 +298,4 @@ def test_asking_whether_it_is_installed_takes_nothing_away() -> None:
     asked = "import importlib.util, aerial_il; importlib.util.find_spec('gymnasium'); import gymnasium"
     counted = "print(sum(name.startswith('aerial_il/') for name in gymnasium.registry))"
     done = subprocess.run([sys.executable, "-c", f"{asked}; {counted}"], capture_output=True, text=True, check=True)
-    assert int(done.stdout) == len(aerial_il.list_cells())
+    assert int(done.stdout) >= len(CELLS)
