@@ -24,6 +24,6 @@ def repeated(traces: Sequence[Trace]) -> dict[str, str]:
     points = np.stack([trace.along() for trace in traces]).reshape(len(traces), -1)
     tree = KDTree(points)
     distances, _ = tree.query(points, k=2)
-    near = tree.query_ball_point(points, SAME_SHARE * np.median(distances[:, 1]))
+    near: Sequence[list[int]] = tree.query_ball_point(points, SAME_SHARE * float(np.median(distances[:, 1])))  # type: ignore[assignment]
     earlier = {i: min(others) for i, others in enumerate(near) if min(others) < i}
     return {traces[i].uid: traces[other].uid for i, other in earlier.items()}
