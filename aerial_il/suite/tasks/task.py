@@ -65,8 +65,8 @@ class Task(ABC):
 
     Attributes:
         name: registry name. grade: difficulty.
-        instruction: the task in one English sentence. wordings: others of it, English and Chinese, to learn from.
-        held_out: wordings that nothing learns from, to be told in flight.
+        instruction: the task in one English sentence. wordings: others of it, English and Chinese, that a policy which
+            is told in words knows. held_out: wordings that none knows, to ask with.
         time_limit_s: seconds until an episode is truncated.
         dwell_s: seconds for which it must be solved for success.
         subtasks: names of its flags. once_lost: those of them whose loss no later deed makes good.
