@@ -44,12 +44,13 @@ def embedded(text: str) -> np.ndarray:
 
 
 def understood(text: str, known: Iterable[str]) -> str | None:
-    """Return which of the ``known`` texts is meant by ``text``; None where it is like none, or forbids.
+    """Return which of the ``known`` texts is meant by ``text``; None where it is like none, or forbids what is not known.
 
     It goes by words alone: an order that shares words with what is known is taken for it, whatever it asks for.
     """
     meant, likeness = nearest(text, known)
-    return None if likeness < ALIKE or _FORBIDS.match(text.lower()) else meant
+    forbids = likeness < 1.0 and _FORBIDS.match(text.lower())
+    return None if likeness < ALIKE or forbids else meant
 
 
 def nearest(text: str, known: Iterable[str]) -> tuple[str, float]:

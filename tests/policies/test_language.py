@@ -45,6 +45,12 @@ def test_what_forbids_something_is_not_understood_as_an_order(task: str) -> None
             assert language.understood(f"{forbids} {text}", known) is None, forbids
 
 
+def test_what_was_learned_may_forbid_something() -> None:
+    known = ("Do not touch the red cube.", "Push the red cube.")
+    assert language.understood("Do NOT touch the red cube!", known) == known[0]
+    assert language.understood("Do not push the red cube.", known) is None
+
+
 def test_order_of_words_counts() -> None:
     said = "Put the orange cube beside the blue bowl."
     other = "Put the blue cube beside the orange bowl."

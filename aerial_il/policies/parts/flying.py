@@ -334,7 +334,7 @@ class FlyingPolicy(ABC):
     @property
     def understood(self) -> str | None:
         """The wording that it knows and takes its instruction for; None where it is told nothing in words."""
-        text = self._instruction if self.told is None else self.told
+        text = self._instructed
         return self._understood(text)[0] if self.goes_by_words and text is not None else None
 
     @property
@@ -355,7 +355,7 @@ class FlyingPolicy(ABC):
         """Return ``obs`` with the task that is flown, where the policy knows several."""
         tasks = tasks_of(self.spec)
         if self.goes_by_words:
-            if (text := self._instruction if self.told is None else self.told) is None:
+            if (text := self._instructed) is None:
                 raise InvalidValueError("The policy is told in words what to do: set its `told`, or attach it first.")
             words = self._understood(text)[1]
             obs = {**obs, language.FIELD: np.tile(words, (len(next(iter(obs.values()))), 1))}
@@ -365,6 +365,10 @@ class FlyingPolicy(ABC):
             hint = "Attach it to an environment first, or set its task."
             raise UnknownNameError("task of the policy", self.task, tasks, hint)
         return completed(obs, self.spec, self.task)
+
+    @property
+    def _instructed(self) -> str | None:
+        return self._instruction if self._told is None else self._told
 
     def _understood(self, text: str) -> tuple[str, np.ndarray]:
         """Return the wording nearest to an instruction, or that itself where none is like it, and how it is shown (S,).
