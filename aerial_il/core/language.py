@@ -44,7 +44,7 @@ def embedded(text: str) -> np.ndarray:
 
 
 def understood(text: str, known: Iterable[str]) -> str | None:
-    """Return which of the ``known`` texts is meant by ``text``; None where it is like none, or forbids what is not known.
+    """Return which of the ``known`` texts is meant by ``text``; None where it is like none, or forbids something new.
 
     It goes by words alone: an order that shares words with what is known is taken for it, whatever it asks for.
     """
