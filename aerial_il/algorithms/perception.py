@@ -29,7 +29,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-import mujoco
 import numpy as np
 import torch
 from torch import Tensor, nn
@@ -40,6 +39,7 @@ from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
+from aerial_il.algorithms.seeing.measurable import check_cameras, check_labels
 from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision, require_device
 from aerial_il.algorithms.supervised.training_set import split
@@ -50,22 +50,19 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sync_folder
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
-from aerial_il.core.scene_gate import compiled
 from aerial_il.core.seeding import named_rng, torch_threads
-from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.perception.cameras import Camera
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.network import loss_of, told_of
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.perception.targets import PLACE, Targets
 
-FLIGHTS, ESTIMATION = "flights", "estimation"  # folder of its own flights; component of a tier
+FLIGHTS = "flights"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,41 +184,6 @@ def flying_its_newest(policy: ChunkPolicy, steps: int) -> ChunkPolicy:
 def _without_images(demo: Episode) -> Episode:
     """Return a demonstration without its images, which are drawn anew."""
     return replace(demo, obs={name: demo.obs[name] for name in demo.spec.observation.state_names})
-
-
-def check_labels(spec: EnvSpec) -> None:
-    """Refuse an environment in which frames would be labelled with errors.
-
-    Raises:
-        InvalidValueError: says how to do without them.
-    """
-    if ESTIMATION in spec.disturbances:
-        raise InvalidValueError(
-            f"In tier {spec.tier} objects are shown late and with errors, and frames would be labelled with them. Let "
-            f"it look and fly without: flight_tier={spec.tier}-{ESTIMATION}."
-        )
-
-
-def check_cameras(demo: Episode, model: mujoco.MjModel, images: Sequence[str]) -> None:
-    """Refuse demonstrations that were taken through other cameras than the robot has now.
-
-    Raises:
-        InvalidValueError: names the camera, and how it differs; or the image that is not one to measure in.
-    """
-    recorded = compiled(demo.model_xml)
-    for image in images:
-        if not demo.spec.observation[image].is_colour:
-            raise InvalidValueError(f"algorithm=perception looks at colour images, and {image!r} has no colours.")
-        Camera.of(demo.spec, image)
-    for name in map(camera_name, images):
-        then, now = (each.cam(name) for each in (recorded, model))
-        same = {key: np.allclose(getattr(then, key), getattr(now, key), atol=1e-6) for key in ("fovy", "pos", "quat")}
-        if not all(same.values()):
-            differing = ", ".join(f"{k} {getattr(then, k)} != {getattr(now, k)}" for k in same if not same[k])
-            raise InvalidValueError(
-                f"The demonstrations were recorded through another camera {name!r} than {demo.spec.robot} has now "
-                f"({differing}): nothing can be measured in their images. Record them again: aerial-il collect."
-            )
 
 
 class _Run:

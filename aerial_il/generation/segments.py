@@ -55,18 +55,15 @@ def cut(source: Source) -> tuple[Segment, ...]:
     Raises:
         InvalidValueError: it was cut by hand where it cannot be.
     """
-    if source.cuts is not None:
-        try:
-            check_cuts(source.cuts, source.names, len(source))
-        except AerialError as error:
-            again = f"aerial-il segment DATASET uid={source.uid} cuts=[found]"
-            raise InvalidValueError(f"{source.uid} cannot be cut as was said: {error} Take it back: {again}") from None
     carried, cuts = carries(source), cuts_of(source)
     try:
         check_cuts(cuts, source.names, len(source))
     except AerialError as error:
-        by_hand = f"aerial-il segment DATASET uid={source.uid}"
-        raise InvalidValueError(f"No cuts are found in {source.uid}: {error} Cut it by hand: {by_hand}") from None
+        segment = f"aerial-il segment DATASET uid={source.uid}"
+        if source.cuts is None:
+            raise InvalidValueError(f"No cuts are found in {source.uid}: {error} Cut it by hand: {segment}") from None
+        again = f"{segment} cuts=[found]"
+        raise InvalidValueError(f"{source.uid} cannot be cut as was said: {error} Take it back: {again}") from None
     return tuple(_segment(source, each, carried) for each in cuts)
 
 
