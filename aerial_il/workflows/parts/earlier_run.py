@@ -7,6 +7,7 @@ from typing import Any
 from aerial_il.core.composition import build
 from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.evaluation.training_run import TrainingRun, find_runs, is_run, read_run
+from aerial_il.workflows.parts.typed_code import refuse_code
 
 
 def settings_of[S](kind: type[S], place: str, typed: Container[str]) -> S:
@@ -21,7 +22,8 @@ def settings_of[S](kind: type[S], place: str, typed: Container[str]) -> S:
     """
     _require_one(Path(place))
     recorded = _recorded(read_run(place))
-    _require_no_code(place, {name: value for name, value in recorded.items() if name not in typed})
+    untyped = {name: value for name, value in recorded.items() if name not in typed}
+    refuse_code(f"from={place}: the run was trained with", untyped)
     try:
         return build(kind, {"run": place, **recorded})
     except AerialError as error:
@@ -40,16 +42,6 @@ def _require_one(place: Path) -> None:
         else "is no training run" if place.exists() else "does not exist"
     )  # fmt: skip
     raise InvalidValueError(f"from={place} {why}. To see what runs there are: aerial-il runs FOLDER")
-
-
-def _require_no_code(place: str, recorded: Mapping[str, Any]) -> None:
-    for name, parts in (("expert", 2), ("env", 3)):  # module:factory, gymnasium:module:Id
-        if len(str(recorded.get(name)).split(":")) >= parts:
-            said = f"{name}={recorded[name]}"
-            raise InvalidValueError(
-                f"from={place}: the run was trained with {said}, which names code, and files do not decide what runs. "
-                f"If you trust it, type it too: {said}"
-            )
 
 
 def _recorded(run: TrainingRun) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -17,12 +17,32 @@ from aerial_il.core.errors import AerialError, InvalidValueError
 from aerial_il.core.files import sha256_of
 
 _CODE = re.compile(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*:[A-Za-z_]\w*", re.ASCII)
+PARTS_OF_CODE = {"policy": 2, "expert": 2, "env": 3}  # module:factory, gymnasium:module:Id
 EXAMPLE = "Example: my_pilot:make, where my_pilot.py has a function make() that returns a policy."
 
 
 def names_code(typed: str) -> bool:
     """Whether what was typed is ``module:factory``, and no file or folder of that name."""
     return _CODE.fullmatch(typed) is not None and not Path(typed).exists()
+
+
+def refuse_code(introduction: str, recorded: Mapping[str, Any]) -> None:
+    """Refuse code that a file names and the user has not typed: files do not decide what runs.
+
+    Args:
+        introduction: what the file is, before the setting that names code. recorded: settings that nobody typed.
+
+    Raises:
+        InvalidValueError: says what to type by whoever trusts it.
+    """
+    for name, parts in PARTS_OF_CODE.items():
+        value = str(recorded.get(name))
+        if names_code(value) if name == "policy" else len(value.split(":")) >= parts:
+            said = f"{name}={value}"
+            raise InvalidValueError(
+                f"{introduction} {said}, which names code, and files do not decide what runs. If you trust it, type it "
+                f"too: {said}"
+            )
 
 
 def policy_of(typed: str) -> Policy:

@@ -114,19 +114,15 @@ def _again(settings: Evaluate, place: str) -> None:
 
 def _require_typed(place: str, settings: Evaluate, earlier: Evaluate) -> None:
     """Refuse to run code that a result names and nobody typed, and what was typed but was not flown there."""
-    from aerial_il.workflows.parts.typed_code import names_code
+    from aerial_il.workflows.parts.typed_code import refuse_code
 
+    flown, typed = ({name: getattr(each, name) for name in CODE} for each in (earlier, settings))
     for name in CODE:
-        flown, typed = getattr(earlier, name), getattr(settings, name)
-        if typed and typed != flown:
+        if typed[name] and typed[name] != flown[name]:
             raise InvalidValueError(
-                f"again={place} was flown with {name}={flown}, not with {name}={typed}: leave it out."
+                f"again={place} was flown with {name}={flown[name]}, not with {name}={typed[name]}: leave it out."
             )
-        if not typed and flown and (names_code(flown) if name == "policy" else flown.count(":") >= 2):
-            raise InvalidValueError(
-                f"again={place} was flown with {name}={flown}, which names code, and files do not decide what runs. If "
-                f"you trust it, type it too: {name}={flown}"
-            )
+    refuse_code(f"again={place} was flown with", {name: flown[name] for name in CODE if not typed[name]})
 
 
 def _repeated(before: EvaluationResult, now: EvaluationResult) -> str:
