@@ -161,7 +161,7 @@ def _tell(pilot: Pilot, settings: Evaluate) -> None:
 
     if settings.instruction is None:
         return
-    if not (isinstance(pilot.policy, FlyingPolicy) and pilot.policy.goes_by_words):
+    if not (isinstance(pilot.policy, FlyingPolicy) and pilot.policy.assignment.by_words):
         raise InvalidValueError(
             f"instruction={settings.instruction!r} is for policies that are told in words; policy={settings.policy} is "
             "not: train one with dataset.language=true."

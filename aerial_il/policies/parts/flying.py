@@ -13,22 +13,21 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from aerial_il.core import language
 from aerial_il.core.contracts import BatchEnv, Observation
-from aerial_il.core.errors import InvalidValueError, NonFiniteActionError, UnknownNameError
+from aerial_il.core.errors import InvalidValueError, NonFiniteActionError
 from aerial_il.core.latency import NO_LATENCY, Latency, whole_steps
 from aerial_il.core.specs import CONDITIONS, EnvSpec, Observations, ObservationSpec
+from aerial_il.policies.parts.assignment import Assignment
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
 from aerial_il.policies.parts.execution import AS_TRAINED, Execution
 from aerial_il.policies.parts.foreign_fields import shown_for, under_their_names
 from aerial_il.policies.parts.layout import Interface, check_cameras
 from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 from aerial_il.policies.parts.prefixed import below, under
-from aerial_il.policies.parts.tasks import as_one_of, completed, tasks_of, wordings_of
+from aerial_il.policies.parts.tasks import as_one_of
 
 log = logging.getLogger(__name__)
 UNIMPORTANT = (*CONDITIONS, "max_steps", "instruction", "subtasks", "state_size")  # what a policy may fly across
-MOST_NAMED = 5  # of the instructions that it knows, in an error
 UNTOLD = ("robot", "task", "action", "control_dt_s")  # by foreign data; a policy of theirs flies where its sizes fit
 
 
@@ -93,10 +92,7 @@ class FlyingPolicy(ABC):
         self._plan = ActionPlan(config.chunk, config.execute, config.ensemble)
         self._noise = EpisodeNoise(noise_size, redraw=redraws)
         self._worlds: int | None = None
-        self.task, self.execution = self.spec.task, AS_TRAINED
-        self._told: str | None = None
-        self._instruction: str | None = None if wordings_of(self.spec) else self.spec.instruction
-        self._told_last, self._meant = "", ("", np.zeros(0))
+        self.assignment, self.execution = Assignment(self.spec), AS_TRAINED
         self._shown_for: dict[str, str] = {}  # field -> its name in the environment, where data of others differ
 
     @abstractmethod
@@ -117,8 +113,8 @@ class FlyingPolicy(ABC):
 
     def _as(self, other: FlyingPolicy) -> Self:
         """Fly as ``other`` does, with the task that it has, and remember nothing."""
-        self.task, self._told, self.execution = other.task, other.told, other.execution
-        self._instruction, self._shown_for, self._plan = other._instruction, other._shown_for, other._plan.empty()
+        self.assignment.as_in(other.assignment)
+        self.execution, self._shown_for, self._plan = other.execution, other._shown_for, other._plan.empty()
         return self
 
     def __repr__(self) -> str:
@@ -149,7 +145,7 @@ class FlyingPolicy(ABC):
 
     def look(self, obs: Observation) -> Question | None:
         """Remember what n worlds show, as :meth:`act` does first; return what those ask whose next chunk is due."""
-        obs = self._with_task({**obs, **{own: obs[name] for own, name in self._shown_for.items()}})
+        obs = self.assignment.shown({**obs, **{own: obs[name] for own, name in self._shown_for.items()}})
         frame, images = self.interface.layout.flatten(obs), self.interface.layout.look(obs)
         self._count(len(frame))
         history = self._history.push(frame)
@@ -284,7 +280,8 @@ class FlyingPolicy(ABC):
 
     def take_on(self, spec: EnvSpec) -> None:
         """Take the task, the instruction and the fields' names of a specification that was checked as one's own."""
-        self.task, self._instruction, self._shown_for = spec.task, spec.instruction, self._shown_in(spec)
+        self.assignment.take_on(spec)
+        self._shown_for = self._shown_in(spec)
 
     def check(self, spec: EnvSpec) -> None:
         """Raise :class:`InvalidValueError`, naming each differing key, unless the policy can fly under ``spec``."""
@@ -308,34 +305,27 @@ class FlyingPolicy(ABC):
         return "onboard" if not {*self._seen} & {*self.spec.observation.to_be_seen} else "truth"
 
     @property
-    def goes_by_words(self) -> bool:
-        """Whether it is told in words what to do."""
-        return language.FIELD in self.spec.observation.names
+    def task(self) -> str:
+        """Which of the tasks that it knows it flies; :meth:`attach` takes the environment's."""
+        return self.assignment.task
+
+    @task.setter
+    def task(self, task: str) -> None:
+        self.assignment.task = task
 
     @property
     def told(self) -> str | None:
-        """What it is told in words to do; None for the environment's instruction.
-
-        Raises:
-            InvalidValueError: when set to what is like nothing that it learned from.
-        """
-        return self._told
+        """What it is told in words to do; see :class:`~aerial_il.policies.parts.assignment.Assignment`."""
+        return self.assignment.told
 
     @told.setter
     def told(self, text: str | None) -> None:
-        known = wordings_of(self.spec)
-        if text is not None and known and language.understood(text, known) is None:
-            raise InvalidValueError(
-                f"Nothing that the policy learned from is like the instruction {text!r}. It knows, among others: "
-                f"{' | '.join([*known][:: max(1, len(known) // MOST_NAMED)][:MOST_NAMED])}"
-            )
-        self._told = text
+        self.assignment.told = text
 
     @property
     def understood(self) -> str | None:
         """The wording that it knows and takes its instruction for; None where it is told nothing in words."""
-        text = self._instructed
-        return self._understood(text)[0] if self.goes_by_words and text is not None else None
+        return self.assignment.understood
 
     @property
     def _memories(self) -> dict[str, ObservationHistory | ActionPlan | EpisodeNoise]:
@@ -350,41 +340,6 @@ class FlyingPolicy(ABC):
     def _shown_in(self, spec: EnvSpec) -> dict[str, str]:
         """Return field -> what ``spec`` calls it, for a policy that learned from data of others."""
         return shown_for(self.spec, self._seen, spec) if self.spec.is_foreign else {}
-
-    def _with_task(self, obs: Observation) -> Observation:
-        """Return ``obs`` with the task that is flown, where the policy knows several."""
-        tasks = tasks_of(self.spec)
-        if self.goes_by_words:
-            if (text := self._instructed) is None:
-                raise InvalidValueError("The policy is told in words what to do: set its `told`, or attach it first.")
-            words = self._understood(text)[1]
-            obs = {**obs, language.FIELD: np.tile(words, (len(next(iter(obs.values()))), 1))}
-        if tasks == (self.spec.task,):
-            return obs
-        if self.task not in tasks:
-            hint = "Attach it to an environment first, or set its task."
-            raise UnknownNameError("task of the policy", self.task, tasks, hint)
-        return completed(obs, self.spec, self.task)
-
-    @property
-    def _instructed(self) -> str | None:
-        return self._instruction if self._told is None else self._told
-
-    def _understood(self, text: str) -> tuple[str, np.ndarray]:
-        """Return the wording nearest to an instruction, or that itself where none is like it, and how it is shown (S,).
-
-        What it is taken for is said once.
-        """
-        if text != self._told_last:
-            known = wordings_of(self.spec)
-            meant = language.understood(text, known) if known else text
-            if meant is None:
-                log.warning("Nothing that the policy learned from is like the instruction %r.", text)
-            elif meant != text:
-                log.warning("Understood %r as %r.", text, meant)
-            meant = meant or text
-            self._told_last, self._meant = text, (meant, language.embedded(known.get(meant, meant)))
-        return self._meant
 
     def _count(self, n: int) -> None:
         if self._worlds not in (None, n):
