@@ -56,8 +56,15 @@ class Dataset:
 
     @property
     def spec(self) -> EnvSpec:
-        """The specification of the first episode's environment."""
-        return self[0].spec
+        """The specification of the environment of the first episode that can be read."""
+        *others, last = self._loaders.values()
+        for load in others:
+            try:
+                return load().spec
+            except DemoError:
+                if self.strict:
+                    raise
+        return last().spec
 
     def __repr__(self) -> str:
         return f"Dataset({self.path}: {len(self)} episodes)"

@@ -49,7 +49,7 @@ def replay(settings: Replay) -> Replayed:
 
     dataset = open_dataset(settings.path, failures=True)
     count, worlds = min(len(dataset), settings.episodes or len(dataset)), len(settings.starts)
-    spec, env, compared = None, cast(Any, None), 0
+    spec, env, flown, compared = None, cast(Any, None), 0, 0
     shown = {"total": count, "desc": "replay", "unit": "ep", "disable": not settings.progress}
     with ExitStack() as stack:
         for episode in Progress(islice(dataset, count), **shown):
@@ -61,4 +61,5 @@ def replay(settings: Replay) -> Replayed:
                 env = stack.enter_context(closing(reference_of(spec, images=images).load(num_envs=worlds, threads=0)))
             starts = [start for start in settings.starts if start < len(episode)]
             compared += flights.replay(env, episode, starts=starts, path=path)
-    return Replayed(count, compared)
+            flown += 1
+    return Replayed(flown, compared)

@@ -27,7 +27,6 @@ from aerial_il.data.recording.writer import storing, write_episode
 from aerial_il.data.table import Row, read_columns, remember, write_column
 
 PART = ".part"
-MOST_READ_BYTES = 1 << 28  # of a file of others, to tell it from another of its size
 Place = str | os.PathLike[str]
 
 
@@ -206,11 +205,10 @@ def _identity(chosen: Chosen) -> str:
 
 
 def _files_of(path: Path) -> Iterator[str]:
-    """Yield a line for each file of others' data: its name, size and, if it is small enough to be read, its digest."""
+    """Yield a line for each file of others' data: its name, size and digest."""
     for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
         if file.is_file():
-            size = file.stat().st_size
-            yield f"{file.relative_to(path)} {size} {sha256_of(file) if size <= MOST_READ_BYTES else ''}"
+            yield f"{file.relative_to(path)} {file.stat().st_size} {sha256_of(file)}"
 
 
 def _told(path: Path) -> dict[str, Any] | None:
