@@ -18,7 +18,8 @@ from aerial_il.data.episode import Episode
 from aerial_il.data.reading import Reading
 
 Cameras = bool | Sequence[str]
-SUCCESSES = ("all", "reward", "return:R", "terminal", "survived")
+RETURN = "return:R"  # R: a number
+SUCCESSES = ("all", "reward", RETURN, "terminal", "survived")
 MEGABYTE = 1 << 20
 
 
@@ -39,7 +40,8 @@ class Wanted(Reading):
             raise InvalidValueError(f"control_dt={self.control_dt} must be a positive number of seconds.")
         if self.memory_mb < 1:
             raise InvalidValueError(f"memory_mb={self.memory_mb} must be at least 1.")
-        if self.success is not None and self.least_return is None and self.success not in SUCCESSES:
+        said = {*SUCCESSES} - {RETURN}
+        if self.success is not None and self.least_return is None and self.success not in said:
             raise InvalidValueError(f"success={self.success} is not one of {', '.join(SUCCESSES)}.")
 
     @property
@@ -47,9 +49,10 @@ class Wanted(Reading):
         """The return that is a success, where ``success=return:R`` says so."""
         name, _, least = (self.success or "").partition(":")
         try:
-            return float(least) if name == "return" else None
+            number = float(least) if name == "return" else math.nan
         except ValueError:
             return None
+        return number if math.isfinite(number) else None
 
     @property
     def answered(self) -> str:

@@ -190,6 +190,10 @@ def test_a_person_moves_divides_and_saves_on_the_page(server: SegmentServer, one
             assert await tab.value("cuts[2].first === cuts[1].last"), "an edge stays behind the one before it"
             await tab.value("chosen = 0; draw(); $('remove').click(); $('save').click()")
             await tab.until("flight.by_hand")
+            await tab.value("$('flight').value = 'other'; $('flight').onchange()")
+            await tab.until("$('problem').textContent")
+            shown = "cuts.length || flight || !$('save').disabled || $('cuts').childElementCount"
+            assert not await tab.value(shown), "of a flight that cannot be opened nothing is shown, nor another's cuts"
             return tab.errors
 
     assert not asyncio.run(flow())

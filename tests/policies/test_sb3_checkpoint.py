@@ -17,6 +17,7 @@ import torch
 pytest.importorskip("stable_baselines3")
 
 from stable_baselines3 import A2C, DQN, PPO, SAC, TD3
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 
 import aerial_il
 from aerial_il.cli.main import main
@@ -86,7 +87,7 @@ def test_the_highest_score_is_chosen_however_large_scores_are(learner: Any, tmp_
 
 
 def test_a_choice_among_numbers_and_other_spaces_are_refused(tmp_path: Path) -> None:
-    PPO("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu").save(tmp_path / "model")
+    PPO("MlpPolicy", "CartPole-v1", policy_kwargs=dict(SMALL), device="cpu").save(tmp_path / "model")
     env = aerial_il.load_gymnasium("CartPole-v1")
     action = replace(env.spec.action, low=np.full(2, -3.0), high=np.full(2, 3.0))
     env.spec = replace(env.spec, action=action)
@@ -107,7 +108,7 @@ def test_another_environment_is_refused(pendulum: Any, tmp_path: Path) -> None:
 
 
 def test_another_kind_of_network_is_refused(tmp_path: Path) -> None:
-    DQN("MlpPolicy", "CartPole-v1", policy_kwargs=SMALL, device="cpu").save(tmp_path / "model")
+    DQN("MlpPolicy", "CartPole-v1", policy_kwargs=dict(SMALL), device="cpu").save(tmp_path / "model")
     with pytest.raises(CheckpointError, match="no perceptron of PPO"):
         Sb3Policy(tmp_path / "model.zip")
 
@@ -138,3 +139,50 @@ def test_nothing_of_the_file_is_run(tmp_path: Path) -> None:
     (tmp_path / "model.zip").write_bytes(b"no zip")
     with pytest.raises(CheckpointError):
         Sb3Policy(tmp_path / "model.zip")
+
+
+def test_a_flattened_dictionary_is_seen_in_its_own_order(tmp_path: Path) -> None:
+    flat = gymnasium.wrappers.FlattenObservation(gymnasium.make("aerial_il/hover-quad-v0"))
+    model = PPO("MlpPolicy", flat, policy_kwargs=SMALL, device="cpu", seed=3)
+    model.save(tmp_path / "model")
+    seen, _ = flat.reset(seed=4)
+    env = aerial_il.load_batch("quad", "hover", num_envs=1)
+    policy = Sb3Policy(tmp_path / "model.zip")
+    policy.attach(env)
+    wanted = model.predict(seen, deterministic=True)[0]
+    np.testing.assert_allclose(policy.act(env.reset(4))[0], wanted, rtol=1e-4, atol=1e-5)
+    env.close(), flat.close()
+
+
+class _Learned(BaseFeaturesExtractor):
+    def __init__(self, space: Any) -> None:
+        super().__init__(space, 3)
+        self.linear = torch.nn.Linear(3, 3)
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return self.linear(observations)
+
+
+@pytest.mark.parametrize(
+    ("learner", "changed", "says"),
+    [
+        (PPO, {"policy_kwargs": SMALL | {"features_extractor_class": _Learned}}, "a features extractor"),
+        (PPO, {"policy_kwargs": SMALL | {"squash_output": True}, "use_sde": True}, "squash_output"),
+        (SAC, {"policy_kwargs": SMALL | {}, "use_sde": True}, "use_sde"),
+    ],
+)
+def test_what_acts_through_more_than_a_perceptron_is_refused(
+    learner: Any, changed: dict[str, Any], says: str, tmp_path: Path
+) -> None:
+    learner("MlpPolicy", "Pendulum-v1", device="cpu", **changed).save(tmp_path / "model")
+    with pytest.raises(CheckpointError, match=f"{says}.*MODULE:FACTORY"):
+        Sb3Policy(tmp_path / "model.zip")
+
+
+def test_actions_that_had_other_limits_are_refused(pendulum: Any, tmp_path: Path) -> None:
+    narrow = gymnasium.wrappers.RescaleAction(gymnasium.make("Pendulum-v1"), -1.0, 1.0)
+    PPO("MlpPolicy", narrow, policy_kwargs=dict(SMALL), device="cpu").save(tmp_path / "model")
+    with pytest.raises(InvalidValueError, match=r"actions from \[-1\.\] to \[1\.\].*from \[-2\.\] to \[2\.\]"):
+        Sb3Policy(tmp_path / "model.zip").attach(pendulum)
+    SAC("MlpPolicy", narrow, policy_kwargs=dict(SMALL), device="cpu").save(tmp_path / "model")
+    Sb3Policy(tmp_path / "model.zip").attach(pendulum)  # its answers are stretched to the limits, as they were there

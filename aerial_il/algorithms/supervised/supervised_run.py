@@ -155,14 +155,15 @@ class SupervisedRun:
     def _judged(self, evaluate: Evaluate, step: int) -> bool:
         """Evaluate by rollouts, keep the policy if none was better; return whether patience has run out."""
         with self._signals.at_once(), torch.random.fork_rng():
-            self._folder.log(step, {f"evaluate/{k}": v for k, v in evaluate(self._policy, step).items()})
+            told = evaluate(self._policy, step)
+            self._folder.log(step, {f"evaluate/{name}": value for name, value in told.items()})
         best_by, patience = self._settings.best_by, self._settings.patience
+        if best_by not in told and (patience or best_by != SUCCESS):
+            raise InvalidValueError(f"The rollouts tell no {best_by!r}, by which they are judged. See best_by.")
         best = BestCheckpoint.of(read_metrics(self._folder.path), f"evaluate/{best_by}")
         if best is None:
-            if patience or best_by != SUCCESS:
-                raise InvalidValueError(f"The rollouts tell no {best_by!r}, by which they are judged. See best_by.")
             return False
-        if best.step == step:
+        if best.step == step and math.isfinite(best.value):
             label = {"by": best_by, "value": best.value, "evaluations": best.evaluations}
             acting, origin = self._policy, {**self._policy.origin, "chosen": label}
             ChunkPolicy(acting.config, acting.interface, acting.network, origin).save(self._folder.path / BEST)
@@ -174,7 +175,8 @@ class BestCheckpoint:
     """The best of a run's evaluations so far, read from its metrics alone, so that a resumed run decides alike.
 
     Attributes:
-        value: highest value, or the lowest of what had better be low. step: where it was reached, for the last time.
+        value: highest value, or the lowest of what had better be low; NaN where it was nowhere a number, as the time
+            to success is without one. step: where it was reached, for the last time.
         stale: evaluations since it was reached for the first time.
         evaluations: how many there were.
     """
@@ -186,11 +188,13 @@ class BestCheckpoint:
 
     @staticmethod
     def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
-        """Compare by the number called ``name``; None where no row has it."""
-        values = [(row[name], int(row["step"])) for row in rows if name in row]
+        """Compare evaluations by the number called ``name``, those without it being the worst; None without any."""
+        of, told, number = name.rpartition("/")
+        judged = [row for row in rows if any(key.startswith(f"{of}{told}") and key != "step" for key in row)]
+        values = [(row.get(name, math.nan), int(row["step"])) for row in judged]
         if not values:
             return None
-        sign = -1.0 if name.rpartition("/")[2] in LOWER_IS_BETTER else 1.0
+        sign = -1.0 if number in LOWER_IS_BETTER else 1.0
         merits = [-math.inf if math.isnan(value) else sign * value for value, _ in values]
         place = merits.index(max(merits))
         step = max(step for merit, (_, step) in zip(merits, values, strict=True) if merit == merits[place])

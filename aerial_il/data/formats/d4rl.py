@@ -46,10 +46,10 @@ def write(episodes: Iterable[Episode], out: Path, *, env_spec: str | None = None
 
 
 def _columns(episodes: list[Episode], names: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """Return D4RL's arrays: what ended by success or failure is a terminal, all else a timeout."""
+    """Return D4RL's arrays: what nothing can follow ends in a terminal, all else in a timeout."""
     flat = [episode.flat_obs(names) for episode in episodes]
     last = np.concatenate([np.arange(len(episode)) == len(episode) - 1 for episode in episodes])
-    over = np.concatenate([np.full(len(e), bool(e.terminated[-1] or e.success)) for e in episodes])
+    over = np.concatenate([np.full(len(e), e.is_terminal) for e in episodes])
     return {
         "observations": np.concatenate([o[:-1] for o in flat]).astype(np.float32),
         "next_observations": np.concatenate([o[1:] for o in flat]).astype(np.float32),

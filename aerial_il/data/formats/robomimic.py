@@ -1,8 +1,9 @@
 """robomimic's HDF5 layout: derived from recordings without loss, and read back, also when it comes from others.
 
 ``data/demo_<i>`` holds ``states``, ``actions``, ``rewards``, ``dones``, ``obs/<field>`` and ``next_obs/<field>``, which
-any reader of robomimic files knows. The group ``aerial_il`` beside them keeps what the layout has no place for, and is
-preferred on import, so that nothing is lost on the way.
+any reader of robomimic files knows; the actions are what is to be learned, the expert's where one was asked. The group
+``aerial_il`` beside them keeps what the layout has no place for, what was commanded among it, and is preferred on
+import, so that nothing is lost on the way.
 
 A foreign file, without our group, has neither an environment's bounds nor a terminal observation's state. Success is a
 last reward above zero; where that holds for no demonstration, nobody has said, and all were meant to be imitated.
@@ -82,7 +83,7 @@ def _write(demo: h5py.Group, episode: Episode) -> None:
     demo.attrs.update(num_samples=len(episode), model_file=episode.model_xml, uid=episode.uid)
     dones = np.zeros(len(episode), np.int64)
     dones[-1] = 1
-    columns = (episode.states[:-1], episode.actions, episode.rewards, dones)
+    columns = (episode.states[:-1], episode.labels, episode.rewards, dones)
     for name, values in zip(COLUMNS, columns, strict=True):
         demo[name] = values
     for name, values in episode.obs.items():
@@ -91,7 +92,7 @@ def _write(demo: h5py.Group, episode: Episode) -> None:
     private.attrs.update(success=episode.success, provenance=json.dumps(dict(episode.provenance)))
     private.attrs["spec"] = json.dumps(episode.spec.to_dict())
     private["final_state"] = episode.states[-1]
-    for name in EXTRA:
+    for name in ("actions", *EXTRA):
         private[name] = getattr(episode, name)
     private.attrs[DIGEST] = content_digest(episode)
 
@@ -135,19 +136,21 @@ def _recorded(path: Path, name: str) -> Episode:
         private = child(path, demo, PRIVATE, h5py.Group)
         spec = parse_json(private.attrs["spec"])
         kept: dict[str, Any] = {name: array(path, private, name) for name in EXTRA}
+        labels = array(path, demo, "actions")
         episode = Episode(
             uid=str(demo.attrs["uid"]),
             spec=EnvSpec.from_dict(spec),
             provenance=parse_json(private.attrs["provenance"]),
             obs=_recorded_obs(path, demo),
-            actions=array(path, demo, "actions"),
+            actions=array(path, private, "actions") if "actions" in private else labels,
             rewards=array(path, demo, "rewards"),
             states=np.concatenate([array(path, demo, "states"), array(path, private, "final_state")[None]]),
             success=bool(private.attrs["success"]),
             model_xml=str(demo.attrs["model_file"]),
             **kept,
         )
-        if private.attrs.get(DIGEST) != content_digest(episode, spec):
+        taught = "actions" not in private or np.array_equal(labels, episode.labels)
+        if not taught or private.attrs.get(DIGEST) != content_digest(episode, spec):
             raise DemoError(path, f"was changed after it was written: the digest of {demo.name} differs.")
         return episode
 

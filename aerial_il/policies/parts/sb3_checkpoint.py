@@ -2,7 +2,8 @@
 
 Its zip holds the weights (``policy.pth``, tensors alone) and, in ``data``, JSON with pickles inside, of which only the
 text beside them is read. Flown are the deterministic actions of PPO, A2C, SAC, TD3 and DDPG with perceptrons, over a
-vector or a dictionary of vectors. Among discrete actions the one of the highest score is answered, a 1 among zeros.
+vector or a dictionary of vectors; a vector has the fields in the order of their names, as Gymnasium's
+``FlattenObservation`` joins them. Among discrete actions the one of the highest score is answered, a 1 among zeros.
 """
 
 import io
@@ -37,6 +38,8 @@ FAULTS = (
     AttributeError, TypeError,
 )  # fmt: skip
 _FIELD = re.compile(r"'(\w+)': Box\(")
+_NUMBER = re.compile(r"-?inf|-?\d+\.?\d*(?:e[-+]\d+)?")
+OTHERWISE = "Fly it as policy=MODULE:FACTORY."
 
 
 class Sb3Policy:
@@ -67,11 +70,12 @@ class Sb3Policy:
         """Take over the bounds and the fields of an environment.
 
         Raises:
-            InvalidValueError: its observations or actions are of another size, or it chooses and has nothing to choose.
+            InvalidValueError: its observations or actions are of another size, its actions were limited otherwise and
+                are not stretched, or it chooses and has nothing to choose.
         """
         spec = env.spec
         self._low, self._high = spec.action.low, spec.action.high
-        self._names: Sequence[str] = self._saved.fields or spec.observation.state_names
+        self._names: Sequence[str] = self._saved.fields or sorted(spec.observation.state_names)
         linear = [layer for layer in self._saved.network if isinstance(layer, nn.Linear)]
         seen = spec.observation.size(self._names)
         if (linear[0].in_features, linear[-1].out_features) != (seen, spec.action.size):
@@ -82,6 +86,12 @@ class Sb3Policy:
             raise InvalidValueError(
                 f"{self.path} chooses one of {spec.action.size} actions; {spec.robot}/{spec.task} takes numbers, not "
                 "scores from 0 to 1. Fly it in the environment that it was trained in: env=gymnasium:NAME"
+            )
+        trained, flown = self._saved.limits, np.array([self._low, self._high])
+        if not self._saved.bounded and trained.shape == flown.shape and not np.allclose(trained, flown, rtol=1e-5):
+            raise InvalidValueError(
+                f"{self.path} was trained with actions from {trained[0]} to {trained[1]}; "
+                f"{spec.robot}/{spec.task} takes them from {self._low} to {self._high}. {OTHERWISE}"
             )
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -105,12 +115,14 @@ class _Saved(NamedTuple):
     Attributes:
         network: observations to answers. fields: names of what it sees; none for a vector.
         bounded: whether tanh bounds its answers. chooses: whether they are scores of discrete actions.
+        limits: (2, Da) the least and the greatest actions that it was trained with; (2, 0) where the file tells none.
     """
 
     network: nn.Sequential
     fields: tuple[str, ...]
     bounded: bool
     chooses: bool
+    limits: np.ndarray
 
 
 def _read(path: Path) -> _Saved:
@@ -120,12 +132,32 @@ def _read(path: Path) -> _Saved:
             raise CheckpointError(path, f"would unpack to {size} bytes.")
         saved, raw = parse_json(archive.read("data")), archive.read("policy.pth")
     weights = torch.load(io.BytesIO(raw), map_location="cpu", weights_only=True)
+    _require_plain(path, saved, weights)
     for parts, (activation, bounded) in KINDS.items():
         layers = [layer for part in parts for layer in _layers(weights, part)]
         if layers and any(name.startswith(f"{parts[-1]}.") for name in weights):
             network = _network(layers, _activation(path, saved, activation))
-            return _Saved(network, _fields(saved), bounded, _chooses(path, saved))
-    raise CheckpointError(path, "is no perceptron of PPO, A2C, SAC, TD3 or DDPG.", "Fly it as policy=MODULE:FACTORY.")
+            return _Saved(network, _fields(saved), bounded, _chooses(path, saved), _limits(saved))
+    raise CheckpointError(path, "is no perceptron of PPO, A2C, SAC, TD3 or DDPG.", OTHERWISE)
+
+
+def _require_plain(path: Path, saved: Mapping[str, Any], weights: Mapping[str, Tensor]) -> None:
+    """Refuse what acts through more than the perceptron."""
+    more = {
+        "a features extractor that was learned": any("features_extractor" in name for name in weights),
+        "squashed actions (squash_output)": str((saved.get("policy_kwargs") or {}).get("squash_output")) == "True",
+        "clipped means (use_sde)": bool(saved.get("use_sde"))
+        and any(name.startswith("actor.mu.0") for name in weights),
+    }
+    for what in (what for what, there in more.items() if there):
+        raise CheckpointError(path, f"has {what}, which are not flown here.", OTHERWISE)
+
+
+def _limits(saved: Mapping[str, Any]) -> np.ndarray:
+    """Return (2, Da) the least and the greatest actions; (2, 0) where the file does not tell them in numbers."""
+    space = saved.get("action_space") or {}
+    low, high = ([float(number) for number in _NUMBER.findall(str(space.get(end, "")))] for end in ("low", "high"))
+    return np.array([low, high]) if len(low) == len(high) else np.zeros((2, 0))
 
 
 def _layers(weights: Mapping[str, Tensor], part: str) -> list[tuple[Tensor, Tensor]]:
@@ -162,7 +194,7 @@ def _fields(saved: Mapping[str, Any]) -> tuple[str, ...]:
 def _chooses(path: Path, saved: Mapping[str, Any]) -> bool:
     said = str((saved.get("action_space") or {}).get(":type:", ""))
     if _class_name(said) not in SPACES:
-        hint = f"Flown are {' and '.join(SPACES)}; fly it as policy=MODULE:FACTORY."
+        hint = f"Flown are {' and '.join(SPACES)}. {OTHERWISE}"
         raise CheckpointError(path, f"acts in a space {said} that is not known here.", hint)
     return _class_name(said) == "Discrete"
 

@@ -136,7 +136,8 @@ def losses(runs: Groups) -> Figure | None:
     log = low > 0 and high > 5 * low
     said = "; ".join(f"{title} ends at {tick_label(float(curve.values[-1]))}" for _, title, curve in lines)
     label = unit_of(run for run in _all(runs) if run.rows)
-    plot = _wide(last, (low if log else 0.0, high), label, said, log_y=log)
+    bounds = (low, high) if log else (min(low, 0.0), max(high, 0.0))
+    plot = _wide(last, bounds, label, said, log_y=log)
     for kind, title, curve in lines:
         plot.line(curve.steps, curve.values, kind, title=title)
     return Figure("Loss", plot.svg(), "Which of two policies flies better, no loss shows: only rollouts do.")

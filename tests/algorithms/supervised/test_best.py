@@ -1,5 +1,6 @@
 """Schedule, averaged weights and optimiser state behave as documented, and the best weights are handed over."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -104,6 +105,26 @@ def test_rollouts_without_the_number_to_judge_by(demos: list[Episode], tmp_path:
         learn(demos, tmp_path / "c", told, replace(SETTINGS, patience=1))
     with pytest.raises(InvalidValueError, match=r"'sucess'.*best_by"):
         learn(demos, tmp_path / "d", told, replace(SETTINGS, best_by="sucess"))
+
+
+def test_an_evaluation_without_a_success_has_no_time_and_counts_as_the_worst(
+    demos: list[Episode], tmp_path: Path
+) -> None:
+    times = {10: math.nan, 20: math.nan, 30: 5.0, 40: math.nan, 50: 6.0, 60: math.nan}
+
+    def told(policy: Any, step: int) -> dict[str, float]:
+        return {"success": float(math.isfinite(times[step])), "time_to_success_s": times[step]}
+
+    learn(demos, tmp_path / "a", told, replace(SETTINGS, best_by="time_to_success_s"))
+    assert load_policy(tmp_path / "a" / "best").origin["chosen"] == {
+        "by": "time_to_success_s", "value": 5.0, "evaluations": 3
+    }  # fmt: skip
+    stopped = learn(demos, tmp_path / "b", told, replace(SETTINGS, best_by="time_to_success_s", patience=2))
+    assert stopped.origin["step"] == 50, "two evaluations after the best were no better"
+    settings = replace(SETTINGS, best_by="time_to_success_s")
+    never = learn(demos, tmp_path / "c", lambda policy, step: told(policy, 10), settings)
+    assert never.origin["step"] == 60
+    assert not (tmp_path / "c" / "best").exists()
 
 
 def test_starting_over_forgets_the_best(demos: list[Episode], tmp_path: Path) -> None:

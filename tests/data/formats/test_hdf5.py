@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -12,7 +13,7 @@ import pytest
 from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
-from aerial_il.data.formats import robomimic
+from aerial_il.data.formats import d4rl, robomimic
 from aerial_il.data.formats.parts.content_digest import content_digest
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
@@ -43,8 +44,32 @@ def test_a_foreign_file_opens(file: Path) -> None:
         raw.move("data/demo_1", "data/demo_10")
     foreign = open_dataset(file)
     assert foreign.uids == ("demo_0", "demo_2", "demo_3", "demo_4", "demo_5", "demo_10")
-    np.testing.assert_array_equal(foreign[0].actions, ours.actions)
+    np.testing.assert_array_equal(foreign[0].actions, ours.labels)
     np.testing.assert_array_equal(foreign[0].obs["ee_pos"], ours.obs["ee_pos"])
+
+
+def test_others_learn_what_the_expert_would_have_done(file: Path, tmp_path: Path) -> None:
+    """As from the other formats; what was commanded, disturbed or by a learner, is read back by us."""
+    flown = open_dataset(file)[0]
+    asked = replace(flown, expert_actions=flown.actions + 0.01)
+    taught = robomimic.write([asked], tmp_path / "taught.hdf5")
+    with h5py.File(taught) as raw:
+        np.testing.assert_array_equal(raw["data/demo_0/actions"], asked.expert_actions)
+    np.testing.assert_array_equal(open_dataset(taught)[0].actions, flown.actions)
+    with h5py.File(taught, "a") as raw:
+        raw["data/demo_0/actions"][0] += 1.0
+    with pytest.raises(DemoError, match="was changed after it was written"):
+        open_dataset(taught)[0]
+
+
+def test_a_success_that_time_ended_is_no_terminal(file: Path, tmp_path: Path) -> None:
+    flown = open_dataset(file)[0]
+    assert flown.success
+    for late in (False, True):
+        ends = np.arange(len(flown)) == len(flown) - 1
+        flight = replace(flown, terminated=np.zeros(len(flown), bool), truncated=ends & late)
+        with h5py.File(d4rl.write([flight], tmp_path / "d4rl.hdf5")) as raw:
+            assert (raw["terminals"][-1], raw["timeouts"][-1]) == (not late, late)
 
 
 def test_links_and_damage_are_refused(file: Path, tmp_path: Path) -> None:

@@ -87,6 +87,9 @@ def test_success_is_what_a_file_says_or_what_is_asked_for(tmp_path: Path) -> Non
     assert said(success="survived", terminals=True) == [False, False]
     with pytest.raises(InvalidValueError, match="success=done is not one of all, reward, return:R"):
         said(success="done")
+    for no_number in ("return:R", "return:nan", "return:"):
+        with pytest.raises(InvalidValueError, match=f"success={no_number} is not one of"):
+            said(success=no_number)
 
 
 def test_parts_that_a_file_names_can_be_taken(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:

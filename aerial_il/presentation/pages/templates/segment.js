@@ -1,5 +1,5 @@
 // A film above a time line of cuts; what is changed stays on the page until it is saved.
-const NEW = 25, HUES = 8;
+const NEW = 25, HUES = 8, EDITS = ["thing", "remove", "add", "found", "save", "undo"];
 let flight = null, cuts = [], chosen = 0, dirty = false;
 
 async function attempt(work) {
@@ -117,17 +117,33 @@ function show(answer) {
   const most = Math.max(...flight.gripper, 1e-9);
   $("gripper").setAttribute("viewBox", `0 0 ${flight.steps} 1`);
   $("gripper").firstElementChild.setAttribute("points", flight.gripper.map((y, x) => `${x},${1 - y / most}`).join(" "));
+  for (const id of EDITS) $(id).disabled = false;
   draw();
 }
 
 const uid = () => $("flight").value;
-const told = async (path, more = {}) => show(await (await ask(path, { uid: uid(), ...more })).json());
+
+// What comes late, of a flight that is chosen no longer, is not shown.
+async function told(path, asked, more = {}) {
+  const answer = await (await ask(path, { uid: asked, ...more })).json();
+  if (asked === uid()) show(answer);
+}
+
+// Nothing can be edited until the chosen flight is there: what is seen is never another one's.
+function clear() {
+  [flight, cuts, dirty] = [null, [], false];
+  for (const id of ["cuts", "phases"]) $(id).replaceChildren();
+  $("gripper").firstElementChild.setAttribute("points", "");
+  $("said").textContent = "";
+  for (const id of EDITS) $(id).disabled = true;
+}
 
 async function open() {
   const asked = uid();
+  clear();
   $("film").removeAttribute("src");
   $("making").hidden = false;
-  await attempt(() => told("/flight"));
+  await attempt(() => told("/flight", asked));
   await attempt(async () => {
     const film = await (await ask("/film", { uid: asked })).blob();
     if (asked === uid()) $("film").src = URL.createObjectURL(film);
@@ -144,13 +160,13 @@ $("flight").replaceChildren(...given.map((name) => new Option(name)));
 $("flight").onchange = leave;
 $("play").onclick = $("film").onclick = () => attempt(() => ($("film").paused ? $("film").play() : $("film").pause()));
 $("film").onplay = $("film").onpause = () => { $("play").textContent = $("film").paused ? "Play" : "Pause"; };
-$("film").ontimeupdate = () => { $("now").style.left = share(here()); };
-$("line").onclick = (event) => { if (!event.target.closest(".cut")) seek(stepAt(event)); };
+$("film").ontimeupdate = () => { if (flight) $("now").style.left = share(here()); };
+$("line").onclick = (event) => { if (flight && !event.target.closest(".cut")) seek(stepAt(event)); };
 $("thing").onchange = () => { cuts[chosen].thing = $("thing").value; change(chosen); };
 $("remove").onclick = () => { cuts.splice(chosen, 1); change(Math.max(0, chosen - 1)); };
 $("add").onclick = add;
-$("found").onclick = () => attempt(() => told("/save", { cuts: ["found"] }));
-$("save").onclick = () => attempt(() => told("/save", { cuts: cuts.map(typed) }));
-$("undo").onclick = () => attempt(() => told("/undo"));
+$("found").onclick = () => attempt(() => told("/save", flight.uid, { cuts: ["found"] }));
+$("save").onclick = () => attempt(() => told("/save", flight.uid, { cuts: cuts.map(typed) }));
+$("undo").onclick = () => attempt(() => told("/undo", flight.uid));
 addEventListener("beforeunload", (event) => { if (dirty) event.preventDefault(); });
 open();
