@@ -1,6 +1,8 @@
 """What settings must be, by field name: tuples, positive, not negative, a share, widths, one of some choices."""
 
+import math
 from dataclasses import fields
+from numbers import Integral
 from typing import Any, get_args
 
 from aerial_il.core.errors import InvalidValueError
@@ -40,6 +42,13 @@ def require_share(settings: object, *names: str, below_one: bool = False) -> Non
         value = getattr(settings, name)
         if not 0 <= value <= 1 or (below_one and value == 1):
             raise InvalidValueError(f"{name} is {value}; it must lie in [0, 1{')' if below_one else ']'}.")
+
+
+def require_integer(name: str, value: object, least: int, most: float = math.inf, hint: str = "") -> None:
+    """Raise :class:`InvalidValueError` unless ``value`` is an integer between ``least`` and ``most``."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= value <= most:
+        bounds = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
+        raise InvalidValueError(f"{name} is {value!r}; it must be an integer, {bounds}. {hint}".rstrip())
 
 
 def require_widths(settings: object, name: str) -> None:

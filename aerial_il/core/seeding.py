@@ -52,6 +52,8 @@ def seeds_of(seeds: np.ndarray | Sequence[int] | int, n: int) -> np.ndarray:
         InvalidValueError: neither one integer nor n.
     """
     given = np.asarray(seeds)
+    if given.dtype.kind not in "iu":
+        raise InvalidValueError(f"seeds are integers, got {seeds!r}.")
     each = given + np.arange(n) if given.ndim == 0 else given
     if each.shape != (n,):
         raise InvalidValueError(f"seeds is one integer or has one entry per world, ({n},), got {each.shape}.")

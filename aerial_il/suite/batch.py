@@ -8,6 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from aerial_il.core.checks import require_integer
 from aerial_il.core.contracts import StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
@@ -48,8 +49,8 @@ class BatchEnvironment:
         *,
         refinement: int = 1,
     ) -> None:
-        if num_envs < 1:
-            raise InvalidValueError(f"num_envs must be at least 1, got {num_envs}.")
+        require_integer("num_envs", num_envs, 1)
+        require_integer("num_threads", num_threads, 0)
         self.scenario, self.num_envs = scenario, num_envs
         self.ends_at_success = scenario.horizon is None
         self.model = scenario.compile()

@@ -13,7 +13,8 @@ import numpy as np
 from aerial_il import robots
 from aerial_il.control.actions import ActionLevel, action_spec, check_level
 from aerial_il.core import registry
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.checks import require_integer
+from aerial_il.core.errors import UnknownNameError
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.robots.parts.camera import check_size
 from aerial_il.robots.robot import Robot
@@ -60,14 +61,14 @@ class Scenario:
         object.__setattr__(self, "tier_name", self.tier.name)
         check_level(self.level, self.robot.vehicle, self.robot_name)
         registry.get("controller", self.controller)
-        object.__setattr__(self, "image_size", tuple(self.image_size))
         check_size(self.image_size)
+        object.__setattr__(self, "image_size", tuple(self.image_size))
         parse_cameras(self.cameras, self.camera)
         object.__setattr__(self, "cameras", tuple(self.cameras))
-        limit = limit_of(self.task)
-        if self.horizon is not None and not 1 <= self.horizon <= limit:
-            hint = f"{self.task_name} has a time limit of {limit} steps."
-            raise InvalidValueError(f"horizon is {self.horizon}; it must lie in [1, {limit}]: {hint}")
+        if self.horizon is not None:  # one of the time limit's length could not be told from none
+            limit = limit_of(self.task)
+            hint = f"{self.task_name} has a time limit of {limit} steps, which success ends."
+            require_integer("horizon", self.horizon, 1, limit - 1, hint)
 
     def __str__(self) -> str:
         return f"{self.robot_name}/{self.task_name}, {self.tier_name}, {self.level.label}"

@@ -211,9 +211,12 @@ def test_with_a_horizon_flights_go_on_through_success(tmp_path: Path) -> None:
     assert horizon_of(aerial_il.load_batch("fa_hexa_arm4", "reach", num_envs=1).spec) is None
 
 
-def test_a_horizon_beyond_the_time_limit_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match=r"horizon is 1001; it must lie in \[1, 1000\]: reach has a time limit"):
-        aerial_il.load_batch("fa_hexa_arm4", "reach", horizon=1001)
+def test_a_horizon_that_is_no_shorter_than_the_time_limit_is_refused() -> None:
+    """One that is as long would be forgotten: of its recordings nothing says whether success was to end them."""
+    for horizon in (1001, 1000, 0, 10.5, True):
+        says = rf"horizon is {horizon}; it must be an integer, in \[1, 999\]. reach has a time limit of 1000 steps"
+        with pytest.raises(InvalidValueError, match=says):
+            aerial_il.load_batch("fa_hexa_arm4", "reach", horizon=horizon)
 
 
 @pytest.mark.render

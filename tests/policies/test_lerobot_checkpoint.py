@@ -21,19 +21,38 @@ SIZES = {STATE: 10, ENVIRONMENT: 6, ACTION: 10}
 
 def save(folder: Path, **settings: Any) -> tuple[Any, Any, Any]:
     """Save an untrained ACT of lerobot; return it with its processors."""
-    from lerobot.configs import FeatureType, PolicyFeature
-    from lerobot.policies import make_pre_post_processors
     from lerobot.policies.act.configuration_act import ACTConfig
     from lerobot.policies.act.modeling_act import ACTPolicy
+
+    tiny = {"dim_model": 16, "n_heads": 2, "dim_feedforward": 16, "n_encoder_layers": 1, "n_vae_encoder_layers": 1}
+    return saved(folder, ACTPolicy, ACTConfig, chunk_size=6, **tiny, **settings)
+
+
+def save_diffusion(folder: Path, scheduler: str) -> None:
+    from lerobot.policies.diffusion.configuration_diffusion import DiffusionConfig
+    from lerobot.policies.diffusion.modeling_diffusion import DiffusionPolicy
+
+    tiny = {"down_dims": (8, 16), "n_groups": 4, "diffusion_step_embed_dim": 8, "num_train_timesteps": 4}
+    saved(folder, DiffusionPolicy, DiffusionConfig, horizon=8, n_action_steps=3, noise_scheduler_type=scheduler, **tiny)
+
+
+def saved(folder: Path, policy_class: Any, config_class: Any, **settings: Any) -> tuple[Any, Any, Any]:
+    from lerobot.configs import FeatureType, PolicyFeature
+    from lerobot.policies import make_pre_post_processors
 
     torch.manual_seed(0)
     kinds = {STATE: FeatureType.STATE, ENVIRONMENT: FeatureType.ENV, ACTION: FeatureType.ACTION}
     features = {name: PolicyFeature(kind, (SIZES[name],)) for name, kind in kinds.items()}
     output = {ACTION: features.pop(ACTION)}
-    tiny = {"dim_model": 16, "n_heads": 2, "dim_feedforward": 16, "n_encoder_layers": 1, "n_vae_encoder_layers": 1}
-    config = ACTConfig(input_features=features, output_features=output, device="cpu", chunk_size=6, **tiny, **settings)
-    statistics = {name: {"mean": torch.randn(size), "std": torch.rand(size) + 0.5} for name, size in SIZES.items()}
-    policy = ACTPolicy(config).eval()
+    config = config_class(input_features=features, output_features=output, device="cpu", **settings)
+    draws = {
+        "mean": torch.randn,
+        "std": lambda n: torch.rand(n) + 0.5,
+        "min": lambda n: -torch.ones(n),
+        "max": torch.ones,
+    }
+    statistics = {name: {which: draw(size) for which, draw in draws.items()} for name, size in SIZES.items()}
+    policy = policy_class(config).eval()
     encode, decode = make_pre_post_processors(config, dataset_stats=statistics)
     for part in (policy, encode, decode):
         part.save_pretrained(folder)
@@ -77,6 +96,22 @@ def test_a_reset_world_starts_a_new_chunk_by_itself(folder: Path) -> None:
         together.reset(np.array([False, t == 2]))
         actions = together.act(obs)
         np.testing.assert_allclose(alone.act({k: v[:1] for k, v in obs.items()})[0], actions[0], atol=1e-5)
+
+
+@pytest.mark.parametrize("scheduler", ["DDPM", "DDIM"])
+def test_what_diffusion_draws_in_one_world_does_not_depend_on_the_others(tmp_path: Path, scheduler: str) -> None:
+    pytest.importorskip("diffusers")
+    save_diffusion(tmp_path, scheduler)
+    flown = {}
+    for count in (3, 1):
+        policy, env = load_any_policy(tmp_path), PointMassBatch(3)
+        policy.attach(env)
+        rng = np.random.default_rng(0)
+        fields = [f for f in env.spec.observation.fields if f.group != "image"]
+        steps = [{f.name: rng.normal(size=(3, *f.shape)) for f in fields} for _ in range(8)]
+        flown[count] = [policy.act({name: values[:count] for name, values in obs.items()})[0] for obs in steps]
+        assert not np.allclose(flown[count][0], flown[count][3]), "each chunk is drawn anew"
+    np.testing.assert_allclose(flown[1], flown[3], atol=1e-5)
 
 
 def test_a_run_of_the_trainer_is_found_and_tells_its_cell(folder: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -37,11 +39,13 @@ def test_unknown_names_are_answered_with_the_nearest(arguments: tuple, options: 
 
 def test_impossible_requests_are_refused() -> None:
     twice, too_small, too_large = {"cameras": ("wrist", "wrist")}, {"image_size": (0, 10)}, {"image_size": (9999, 1)}
-    for options in ({"cameras": "wrist"}, twice, too_small, too_large, {"image_size": (10,)}):
+    no_pair = [{"image_size": size} for size in ((10,), 64, (64.5, 64), "64")]
+    for options in ({"cameras": "wrist"}, twice, too_small, too_large, *no_pair):
         with pytest.raises(InvalidValueError):
             aerial_il.load(*CELL, **options)
-    with pytest.raises(InvalidValueError, match="num_envs must be at least 1, got 0"):
-        aerial_il.load_batch(*CELL, num_envs=0)
+    for name, value in (("num_envs", 0), ("num_envs", 4.5), ("num_threads", -1), ("num_threads", 1.0)):
+        with pytest.raises(InvalidValueError, match=f"{name} is {value}; it must be an integer, at least"):
+            aerial_il.load_batch(*CELL, **{name: value})
 
 
 @pytest.mark.parametrize("seed", [-1, 2**53])
@@ -50,6 +54,12 @@ def test_seeds_outside_their_range_are_refused(seed: int) -> None:
         single(*CELL).reset(seed=seed)
     with pytest.raises(InvalidValueError, match="0 to 2"):
         batch(*CELL).reset(np.array([0, seed, 1]))
+
+
+@pytest.mark.parametrize("seeds", [np.nan, 1.7, [0.4, 1.9, 2.0], [True, False, True], "1"])
+def test_seeds_that_are_no_integers_are_refused(seeds: Any) -> None:
+    with pytest.raises(InvalidValueError, match="seeds are integers, got"):
+        batch(*CELL).reset(seeds)
 
 
 def test_wrong_shapes_are_refused_with_the_right_ones() -> None:
@@ -62,8 +72,10 @@ def test_wrong_shapes_are_refused_with_the_right_ones() -> None:
         env.step(np.zeros(9))
     with pytest.raises(InvalidValueError, match="one entry per world"):
         worlds.reset(np.array([1, 2]))
-    with pytest.raises(InvalidValueError, match="mask has one entry per world"):
+    with pytest.raises(InvalidValueError, match="mask has one bool per world"):
         worlds.step(np.zeros((3, 10)), np.array([True]))
+    with pytest.raises(InvalidValueError, match=r"mask has one bool per world, \(3,\), got int64"):
+        worlds.step(np.zeros((3, 10)), np.array([0, 1, 2]))
     with pytest.raises(InvalidValueError, match="States have shape"):
         worlds.set_state(np.zeros((3, 7)))
     with pytest.raises(InvalidValueError, match="States have shape"):

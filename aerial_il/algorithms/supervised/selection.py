@@ -84,14 +84,18 @@ def operator_of(demo: Episode) -> str:
 
 
 def _ranks(demos: Sequence[Episode], quality: Quality) -> np.ndarray:
-    """Return the rank (E,) of each demonstration, the best being 0; equally good ones keep their order."""
+    """Return the rank (E,) of each demonstration, the best being 0; equally good ones keep their order.
+
+    Failures come last: that a flight which crashed was short speaks for nothing.
+    """
     badness = {
         "duration": lambda demo: len(demo) * demo.spec.control_dt_s,
         "smoothness": lambda demo: roughness(demo),
         "reward": lambda demo: -float(np.mean(demo.rewards)),
     }
+    failed, bad = [not demo.success for demo in demos], [badness[quality](demo) for demo in demos]
     ranks = np.empty(len(demos), int)
-    ranks[np.argsort([badness[quality](demo) for demo in demos], kind="stable")] = np.arange(len(demos))
+    ranks[np.lexsort((bad, failed))] = np.arange(len(demos))
     return ranks
 
 

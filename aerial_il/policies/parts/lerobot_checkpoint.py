@@ -2,7 +2,8 @@
 
 Network, normalisation and sizes are lerobot's, read from its own files: ``config.json``, ``model.safetensors`` and the
 two processors. Chunks are executed as lerobot does (``n_action_steps`` of each, or a temporal ensemble), but for each
-world by itself, so that worlds may be reset at different times. Nothing is unpickled, downloaded, or imported because a
+world by itself, so that worlds may be reset at different times, and what a diffusion policy draws in one does not
+depend on the others. Nothing is unpickled, downloaded, or imported because a
 file names it: steps of a processor other than those below are refused.
 """
 
@@ -23,6 +24,7 @@ from aerial_il.core.files import sha256_of
 from aerial_il.core.lerobot_names import ACTION, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field, image_name
 from aerial_il.policies.parts.chunking import ActionPlan, ObservationHistory
+from aerial_il.policies.parts.noise import EpisodeNoise, glimpses
 
 CONFIG, TRAINING = "config.json", "train_config.json"
 PROCESSORS = ("policy_preprocessor.json", "policy_postprocessor.json")
@@ -62,6 +64,7 @@ class LerobotPolicy:
         chunk = int(config.chunk_size) if config.type == "act" else execute
         self._plan = ActionPlan(chunk, execute, ensemble)
         self._histories = {name: ObservationHistory(int(config.n_obs_steps)) for name in self._inputs}
+        self._noise = EpisodeNoise(int(config.type == "diffusion"), redraw=True)
         self._spec: EnvSpec | None = None
         self.reset()
 
@@ -90,30 +93,37 @@ class LerobotPolicy:
         spec = self._spec
         if spec is None:
             raise InvalidValueError("A policy of lerobot must be attached to an environment before it acts.")
-        seen = {name: self._histories[name].push(_read(spec, name, obs)) for name in self._inputs}
-        count = len(next(iter(seen.values())))
-        due = self._plan.due(count)
+        shown = {name: _read(spec, name, obs) for name in self._inputs}
+        seen = {name: self._histories[name].push(values) for name, values in shown.items()}
+        due = self._plan.due(len(next(iter(shown.values()))))
         if due.any():
-            self._plan.add(self._predict({n: h[due] for n, h in seen.items()}, np.flatnonzero(due)), due)
+            noise = self._noise.take(_first_seen(shown), due) if self._noise.size else None
+            self._plan.add(self._predict({n: h[due] for n, h in seen.items()}, np.flatnonzero(due), noise), due)
         return spec.action.clip(self._plan.pop().astype(np.float64))
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the memory of the worlds in ``mask`` (n,) bool, or of all of them and their number."""
-        for memory in (*self._histories.values(), self._plan):
+        for memory in (*self._histories.values(), self._plan, self._noise):
             memory.reset(mask)
-        if mask is None:
-            self._noise = torch.Generator().manual_seed(0)  # of diffusion: a flight repeats
 
-    def _predict(self, histories: Mapping[str, np.ndarray], worlds: np.ndarray) -> np.ndarray:
-        """Return chunks of actions (B, Ta, Da) in the environment's units for histories ``name -> (B, To, ...)``."""
+    def _predict(self, histories: Mapping[str, np.ndarray], worlds: np.ndarray, noise: np.ndarray | None) -> np.ndarray:
+        """Return chunks of actions (B, Ta, Da) in the environment's units for histories ``name -> (B, To, ...)``.
+
+        With ``noise`` (B, 1), world by world: its sampler draws from torch's one generator.
+        """
         single = self._config.n_obs_steps == 1
         batch = {name: _to_tensor(name, h[:, 0] if single and self._config.type == "act" else h)
                  for name, h in histories.items()}  # fmt: skip
-        seed = int(torch.randint(2**31, (), generator=self._noise))
+        parts = [slice(None)] if noise is None else [slice(i, i + 1) for i in range(len(worlds))]
+        seeds = [0] if noise is None else noise[:, 0].view(np.uint32).tolist()
+        chunks = []
         with torch.inference_mode(), torch.random.fork_rng():
-            torch.manual_seed(seed)
-            chunk = self._policy.predict_action_chunk(self._encode(batch))[:, : self._plan.chunk]
-            actions = self._decode(chunk).cpu().numpy()
+            for rows, seed in zip(parts, seeds, strict=True):
+                torch.manual_seed(seed)
+                encoded = self._encode({name: values[rows] for name, values in batch.items()})
+                chunk = self._policy.predict_action_chunk(encoded)[:, : self._plan.chunk]
+                chunks.append(self._decode(chunk).cpu().numpy())
+        actions = np.concatenate(chunks)
         if not np.isfinite(actions).all():
             raise NonFiniteActionError("network output", worlds[~np.isfinite(actions).all(axis=(1, 2))])
         return actions
@@ -204,6 +214,12 @@ def _read(spec: EnvSpec, name: str, obs: Observation) -> np.ndarray:
     if name.startswith(IMAGES):
         return obs[image_name(name.removeprefix(IMAGES))]
     return spec.observation.flatten(obs, [f.name for f in _members(spec, name)])
+
+
+def _first_seen(shown: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Return numbers (n, C) that tell worlds from each other: their states, or pictures where they have none."""
+    states = [values for name, values in shown.items() if not name.startswith(IMAGES)]
+    return np.concatenate(states, axis=1) if states else glimpses([*shown.values()])
 
 
 def _to_tensor(name: str, values: np.ndarray) -> Tensor:

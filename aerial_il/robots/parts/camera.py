@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Literal
 
 import mujoco
@@ -68,13 +70,14 @@ def frame_of(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return np.array(camera.pos, float), mat.reshape(3, 3)
 
 
-def check_size(size: tuple[int, int]) -> None:
+def check_size(size: Sequence[int]) -> None:
     """Refuse images that are empty or larger than can be rendered.
 
     Raises:
         InvalidValueError: names the limit.
     """
-    if len(size) != 2 or not (0 < size[0] <= LARGEST_IMAGE[0] and 0 < size[1] <= LARGEST_IMAGE[1]):
+    two = isinstance(size, Sequence) and len(size) == 2 and all(isinstance(side, Integral) for side in size)
+    if not two or not (0 < size[0] <= LARGEST_IMAGE[0] and 0 < size[1] <= LARGEST_IMAGE[1]):
         raise InvalidValueError(f"image_size is (height, width) up to {LARGEST_IMAGE}, got {size}.")
 
 

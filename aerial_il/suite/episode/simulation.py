@@ -298,9 +298,9 @@ class Simulation:
     def _select(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
             return self._everyone
-        mask = np.ascontiguousarray(mask, bool)
-        if mask.shape != (self.n,):
-            raise InvalidValueError(f"mask has one entry per world, ({self.n},), got {mask.shape}.")
+        mask = np.ascontiguousarray(mask)
+        if mask.shape != (self.n,) or mask.dtype != bool:
+            raise InvalidValueError(f"mask has one bool per world, ({self.n},), got {mask.dtype} {mask.shape}.")
         return mask
 
     def _checked(self, actions: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -56,6 +56,15 @@ def test_the_better_half_is_kept_in_its_order(demos: list[Episode]) -> None:
     assert uids(replace(EVERYONE, keep=0.1, quality="reward").apply(good)[0]) == ["demo-5"]
 
 
+def test_failures_are_not_better_for_being_short(demos: list[Episode]) -> None:
+    failed = {min(demos, key=len).uid, demos[0].uid}
+    flown = [replace(d, success=d.uid not in failed) for d in demos]
+    kept, weights = replace(EVERYONE, failures=1.0, sharpness=2.0, quality="duration").apply(flown)
+    assert {d.uid for d, w in zip(kept, weights, strict=True) if w in sorted(weights)[:2]} == failed
+    kept, _ = replace(EVERYONE, failures=1.0, keep=0.5, quality="duration").apply(flown)
+    assert not failed & {*uids(kept)}
+
+
 def test_weights_fall_from_the_best_to_the_worst(demos: list[Episode]) -> None:
     ranked = [replace(d, rewards=np.full(len(d), 0.1 * k)) for k, d in enumerate(demos)]
     _, weights = replace(EVERYONE, quality="reward", sharpness=2.0).apply(ranked)
