@@ -7,6 +7,7 @@ It runs at the physics rate (250 Hz) on one vehicle; :mod:`aerial_il.suite` loop
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerial_il.control import controller_state as layout
 from aerial_il.control import controllers
@@ -303,20 +304,29 @@ class Controller:
             Rotor thrusts (R,) in N and servo set-points (J,) in rad.
 
         Raises:
-            InvalidValueError: the action has the wrong size or is not finite.
+            InvalidValueError: one of them has the wrong size or is not finite.
         """
-        action = np.asarray(action, float)
-        if action.shape != (self.spec.size,) or not np.isfinite(action).all():
-            raise InvalidValueError(f"{self.level.label} takes {self.spec.size} finite numbers, got {action!r}.")
+        joints, rotors = self.vehicle.num_joints, self.vehicle.num_rotors
+        action = _numbers(f"{self.level.label} action", action, self.spec.size)
+        qpos, qvel = _numbers("qpos", qpos, 7 + joints), _numbers("qvel", qvel, 6 + joints)
+        thrust_now = _numbers("thrust_now", thrust_now, rotors)
         if self._ticks % self.ticks_per_action == 0:
             interval = self.dt * self.ticks_per_action
             receive_action(
                 self._record, self._tuning, self._scratch, int(self.level), action, qpos, self.state, interval
             )
         self._ticks += 1
-        thrust, servo = np.empty(self.vehicle.num_rotors), np.empty(self.vehicle.num_joints)
+        thrust, servo = np.empty(rotors), np.empty(joints)
         tick(
             self._record, self._tuning, self._steering.record[0], self._scratch, int(self.level), action, qpos, qvel,
             thrust_now, self.state, self.dt, thrust, servo,
         )  # fmt: skip
         return thrust, servo
+
+
+def _numbers(name: str, values: ArrayLike, size: int) -> np.ndarray:
+    """Return (size,) numbers for compiled code, which checks no bounds."""
+    numbers = np.ascontiguousarray(values, float)
+    if numbers.shape != (size,) or not np.isfinite(numbers).all():
+        raise InvalidValueError(f"{name} is {size} finite numbers, got {values!r}.")
+    return numbers

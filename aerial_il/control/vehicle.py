@@ -161,7 +161,7 @@ RECORD = np.dtype(
 
 
 class Gains(NamedTuple):
-    """Tuning of the flight controller, mass-normalised so that vehicles of all sizes share it, see :meth:`eased`.
+    """Tuning of the flight controller, mass-normalised so that vehicles of all sizes share it, see :meth:`fitted`.
 
     Attributes:
         position, velocity: 1/s² and 1/s, of the base's position loop.

@@ -29,6 +29,7 @@ REACHED_M, REACHED_RAD = 1e-3, 0.01  # how near a posture must bring the tool to
 LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a fixed base
 STANDARD_SENSORS: Mapping[str, Mapping[str, Any]] = {"base": {}, "arm": {}, "gripper": {}, "tool": {}}
 LEAST_REASON_WORDS = 3  # of why a task is declined
+UNIT_TOLERANCE = 1e-6
 JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
 
@@ -70,6 +71,7 @@ class Robot:
         names = [camera.name for camera in self.cameras or ()]
         if len(set(names)) < len(names):
             raise InvalidValueError(f"{self.name}: each camera needs a name of its own, got {', '.join(names)}.")
+        self._check_numbers()
         if self.has_gripper and not self.arm.links:
             raise InvalidValueError(f"{self.name}: a gripper needs an arm of at least one joint to sit on.")
         vehicle = self.vehicle
@@ -80,6 +82,28 @@ class Robot:
                 f"{vehicle.thrust_to_weight:.2f} of the weight, and {LEAST_THRUST_TO_WEIGHT} is the least to fly with. "
                 f"Each rotor needs {LEAST_THRUST_TO_WEIGHT * weight / self.num_rotors:.1f} N (CA_ROTOR<i>_CT in an "
                 "airframe file), or the arm must be lighter."
+            )
+
+    def _check_numbers(self) -> None:
+        """Refuse what the simulator would read otherwise than the controller's model of the robot does."""
+        links, base = self.arm.links, self.base
+        axes = {f"axis of joint {i}": link.axis for i, link in enumerate(links)}
+        axes |= {f"rotor_axis {i}": axis for i, axis in enumerate(base.rotor_axis)}
+        for what, axis in axes.items():
+            if abs(np.linalg.norm(axis) - 1.0) > UNIT_TOLERANCE:
+                raise InvalidValueError(f"{self.name}: {what} is {[*map(float, axis)]}; it must be of length 1.")
+        for what, posture in (("rest_forward", self.rest_forward), ("rest_down", self.rest_down)):
+            if len(posture) != len(links):
+                raise InvalidValueError(f"{self.name}: {what} has {len(posture)} angles for {len(links)} joints.")
+            for i, (angle, link) in enumerate(zip(posture, links, strict=True)):
+                if not link.limits[0] <= angle <= link.limits[1]:
+                    raise InvalidValueError(
+                        f"{self.name}: {what} puts joint {i} at {angle:g} rad; its limits are {link.limits}."
+                    )
+        if base.tau_down < base.tau_up:
+            raise InvalidValueError(
+                f"{self.name}: tau_down is {base.tau_down:g} s and tau_up {base.tau_up:g} s; rotors that lose thrust "
+                "faster than they gain it are not simulated. Say tau_down=tau_up."
             )
 
     def _check_declines(self) -> None:

@@ -117,12 +117,18 @@ def test_rotor_commands_pass_through_within_limits(robot: str) -> None:
     )
 
 
-def test_a_bad_action_is_refused() -> None:
+def test_bad_numbers_are_refused() -> None:
     flight = Flight(robots.names()[0])
-    arguments = flight.data.qpos[:11], flight.data.qvel[:10], flight.data.act[: flight.rotors].copy()
+    sizes = {"qpos": 7 + flight.joints, "qvel": 6 + flight.joints, "thrust_now": flight.rotors}
+    arguments = [np.ones(size) for size in sizes.values()]
     for action in (np.zeros(3), np.full(10, np.nan)):
-        with pytest.raises(InvalidValueError, match="takes 10 finite numbers"):
+        with pytest.raises(InvalidValueError, match="ee_pose action is 10 finite numbers"):
             flight.controller.update(action, *arguments)
+    for i, (name, size) in enumerate(sizes.items()):
+        for wrong in (np.ones(size - 1), np.ones(size + 1), np.full(size, np.nan)):
+            given = [*arguments[:i], wrong, *arguments[i + 1 :]]
+            with pytest.raises(InvalidValueError, match=f"{name} is {size} finite numbers"):
+                flight.controller.update(np.zeros(10), *given)
     with pytest.raises(UnknownNameError, match="Did you mean 'ee_pose'"):
         Controller(flight.vehicle, level="ee_pos")
 

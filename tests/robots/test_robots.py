@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
+import aerial_il
 from aerial_il import robots
 from aerial_il.control.vehicle import GRAVITY
-from aerial_il.core.errors import UnknownNameError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.robots.figures import servo_loads
+from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.parts.camera import look_along
 from aerial_il.robots.parts.rotorcraft import ring
 from aerial_il.robots.robot import LATERAL_SHARE, Robot
+from tests.examples import plugged_in
 
 ROBOTS = [robots.get(name) for name in robots.names()]
 each_robot = pytest.mark.parametrize("robot", ROBOTS, ids=robots.names())
@@ -129,3 +135,41 @@ def test_a_camera_looks_where_it_should() -> None:
 def test_an_unknown_robot_is_answered_with_the_nearest() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'fa_hexa_arm4'"):
         robots.get("fa_hexa_arm")
+
+
+WHOLE = robots.get("fa_hexa_arm4")
+
+
+def with_link(i: int, **changed: Any) -> Arm:
+    links = list(WHOLE.arm.links)
+    links[i] = replace(links[i], **changed)
+    return replace(WHOLE.arm, links=tuple(links))
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        ({"arm": with_link(1, axis=(0.0, 2.0, 0.0))}, r"axis of joint 1 is \[0.0, 2.0, 0.0\]; it must be of length 1"),
+        ({"base": replace(WHOLE.base, rotor_axis=2.0 * WHOLE.base.rotor_axis)}, "rotor_axis 0 is .* of length 1"),
+        ({"rest_down": WHOLE.rest_down[:2]}, "rest_down has 2 angles for 4 joints"),
+        ({"rest_forward": (0.0, 0.35, -9.0, 0.0)}, r"rest_forward puts joint 2 at -9 rad; its limits are \("),
+        ({"base": replace(WHOLE.base, tau_up=0.05, tau_down=0.01)}, "tau_down is 0.01 s and tau_up 0.05 s"),
+    ],
+)
+def test_what_the_simulator_would_read_otherwise_is_refused(changed: dict[str, Any], says: str) -> None:
+    with pytest.raises(InvalidValueError, match=says):
+        replace(WHOLE, **changed)
+
+
+def test_a_joint_may_sit_on_another() -> None:
+    assert np.isfinite(compiled(replace(WHOLE, arm=with_link(2, tip=(0.0, 0.0, 0.0)))).body_inertia).all()
+
+
+def test_an_arm_of_the_most_joints_flies() -> None:
+    with plugged_in({"robot": {"many_joints": "tests.examples.many_joints"}}):
+        env = aerial_il.load_batch("many_joints", "reach", num_envs=1)
+        env.reset(0)
+        result = env.step(env.spec.action.clip(np.zeros((1, env.spec.action.size))))
+        assert env.simulation.view.records["num_unwanted"][0] == 9
+        assert not result.info["crash"].any()
+        env.close()

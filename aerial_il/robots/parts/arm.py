@@ -23,7 +23,7 @@ class Link:
     """One joint and the link it moves, whose frame is aligned with the base's when every joint is at zero.
 
     Attributes:
-        axis: joint axis, either sign. tip: where the next joint, or the gripper, sits; m, from this joint.
+        axis: unit vector of the joint. tip: where the next joint, or the gripper, sits; m, from this joint.
         radius: m. mass: kg.
         limits: rad. speed: rad/s. torque: N m, the servo's limit.
         stiffness, damping: servo gains, N m/rad and N m s/rad. armature: reflected rotor inertia, kg m².
@@ -60,7 +60,7 @@ class Link:
         """
         across = self.mass * (3 * self.radius**2 + self.length**2) / 12
         along = 0.5 * self.mass * self.radius**2
-        share = np.square(self.tip) / self.length**2
+        share = np.square(self.tip) / self.length**2 if self.length else np.zeros(3)
         x, y, z = across + (along - across) * share
         return (float(x), float(y), float(z))
 

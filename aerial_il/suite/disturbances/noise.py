@@ -34,6 +34,9 @@ class Noise(Disturbance):
     def of(cls, strength: float) -> Noise:
         return cls(strength)
 
+    def unfelt(self, robot: Robot) -> str | None:
+        return f"{robot.name} stands fixed: nothing of its pose is measured in flight" if robot.fixed else None
+
     def numbers(self, robot: Robot) -> dict[str, float]:
         return {**{name: self.scale * value for name, value in DEVIATIONS.items()}, "time": TIME_S}
 

@@ -64,7 +64,7 @@ class Wind(Disturbance):
     """
 
     share: float = 0.13
-    strength: ClassVar[Strength | None] = Strength("times the wind of `gusts`", 0.0, 3.0)
+    strength: ClassVar[Strength | None] = Strength("times the change of drag in `gusts`", 0.0, 3.0)
     memory: ClassVar[int] = WIND_SIZE
     stream: ClassVar[int | None] = 0
 

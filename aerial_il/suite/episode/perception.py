@@ -76,8 +76,8 @@ class Perceived:
     def resume(self, mask: np.ndarray) -> None:
         """The same for those in ``mask`` whose state remembers nothing seen: one of a tier in which all is exact."""
         sight = self.perception.sight[0]
-        first, size = sight["past"], layout.MAX_LAG * sight["past_size"]
-        self.begin(mask & ~self.view.userdata[:, first : first + size].any(axis=1))
+        end = sight["past"] + layout.MAX_LAG * sight["past_size"]
+        self.begin(mask & ~self.view.userdata[:, sight["errors"] : end].any(axis=1))
 
     def drawn(self, seed: int) -> dict[str, Any]:
         """Biases of what is seen in the episode ``seed``, as plain values; empty where the truth is shown."""

@@ -36,7 +36,7 @@ WORLD = np.dtype(
         *((name, np.int64, (MAX_NAMES,)) for name in ("sites", "joints", "dofs", "contacts", "mocaps", "actuators")),
         *((name, np.int64) for name in ("tool", "base", "first_joint", "first_dof", "num_joints", "fingers")),
         *((name, np.int64) for name in ("num_rotors", "num_unwanted")),
-        ("unwanted", np.int64, (MAX_JOINTS,)),  # contact sensors that should see nothing
+        ("unwanted", np.int64, (1 + MAX_JOINTS,)),  # contact sensors that should see nothing: base and links
         *((name, np.float64) for name in ("flies", "grips", "stroke", "tip_distance", "longest_reach")),
         *((name, np.float64) for name in ("weight", "lateral_limit")),
     ],

@@ -28,7 +28,7 @@ from aerial_il.suite.physics.world import (
 from aerial_il.suite.props.pad import add_pad
 from aerial_il.suite.props.place import place
 from aerial_il.suite.props.skids import STAND_M, add_skids
-from aerial_il.suite.tasks.fields import felt, seen
+from aerial_il.suite.tasks.fields import GIVEN, OWN, felt, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 ON_PAD_M, UPRIGHT_COS, STILL_M_S = 0.10, math.cos(math.radians(5.0)), 0.05
@@ -83,8 +83,8 @@ class Land(Task):
 
     def fields(self) -> tuple[Field, ...]:
         return (
-            seen("pad_pos", "middle of the pad"),
-            seen("skids_to_pad", "from the middle between the skids to that of the pad"),
+            seen("pad_pos", "middle of the pad", noise=GIVEN),
+            seen("skids_to_pad", "from the middle between the skids to that of the pad", noise=OWN),
             felt("ground_force", "contact force of the skids on what they stand on", real=False),
         )
 

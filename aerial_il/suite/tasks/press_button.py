@@ -26,7 +26,7 @@ from aerial_il.suite.physics.world import (
 )
 from aerial_il.suite.props.button import HOUSING_HALF_M, TRAVEL_M, add_button
 from aerial_il.suite.props.place import place
-from aerial_il.suite.tasks.fields import felt, seen, wrist_force
+from aerial_il.suite.tasks.fields import EXACT, seen, wrist_force
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 
 PRESSED_M, DEEPEST_M = 0.008, TRAVEL_M + 0.001
@@ -90,7 +90,15 @@ class PressButton(Task):
             seen("button_travel", "how far the cap is pressed in", 1, frame="along the button", real=False),
             seen("tip_to_button", "from the fingertips to the cap"),
             wrist_force("tool_force"),
-            felt("peak_force", "largest force of the whole robot on the button so far", 1, frame="", real=False),
+            seen(
+                "peak_force",
+                "largest force of the whole robot on the button so far",
+                1,
+                unit="N",
+                frame="",
+                noise=EXACT,
+                real=False,
+            ),
         )
 
 

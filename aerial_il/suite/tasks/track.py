@@ -20,7 +20,7 @@ from aerial_il.robots.robot import Robot
 from aerial_il.suite.physics.view import View
 from aerial_il.suite.physics.world import Names, mocap_pos, site_mat, task_state, tool_pos, untouched
 from aerial_il.suite.props.marker import add_marker
-from aerial_il.suite.tasks.fields import EXACT, OWN, SEEN, XYZ, seen
+from aerial_il.suite.tasks.fields import EXACT, GIVEN, OWN, XYZ, seen
 from aerial_il.suite.tasks.task import Task, TaskKernels, hover_start
 from aerial_il.suite.timing import CONTROL_DT_S
 
@@ -90,8 +90,8 @@ class Track(Task):
         lap = ("cos_phase", "sin_phase", "done", "rmse_of_allowed")
         soon, later = (tuple(f"{axis}_in_{seconds}_s" for axis in XYZ) for seconds in PREVIEW_S)
         return (
-            seen("target_pos", "the ball", noise=SEEN),
-            seen("target_vel", "velocity of the ball", unit="m/s", noise=SEEN),
+            seen("target_pos", "the ball", noise=GIVEN),
+            seen("target_vel", "velocity of the ball", unit="m/s", noise=GIVEN),
             seen("tool_to_target", "from the tool to the ball", noise=OWN),
             seen("tool_to_preview", "to where it will be in 0.2 and in 0.5 s", 6, labels=(*soon, *later), noise=OWN),
             seen("lap", "how far the tool has come", 4, unit="", frame="", labels=lap, noise=EXACT, real=False),

@@ -15,8 +15,9 @@ from aerial_il.core.kernels import kernel
 from aerial_il.core.seeding import episode_rng
 from aerial_il.suite import tiers
 from aerial_il.suite.disturbances import wind
+from aerial_il.suite.disturbances.noise import Noise
 from aerial_il.suite.disturbances.nominal import ROTOR_GAIN, Nominal
-from aerial_il.suite.disturbances.wind import Air, advance_wind, air_about, intensities, length_scales, mean_share
+from aerial_il.suite.disturbances.wind import Air, Wind, advance_wind, air_about, intensities, length_scales, mean_share
 from aerial_il.suite.scenario import Scenario
 
 AIR = Air(speed=10.0, quadratic_drag=0.05, span=0.7, pressure_spread=0.02)
@@ -217,3 +218,9 @@ def test_motor_gains_scale_rotors_alone() -> None:
     drawn, fields = draw("motors", 2)
     np.testing.assert_array_equal(fields.pop(ROTOR_GAIN), drawn["rotor_gain"])
     assert not fields
+
+
+def test_a_base_that_is_fixed_is_refused_what_it_does_not_feel() -> None:
+    for part in (Noise(), Wind()):
+        assert "stands fixed" in (part.unfelt(robots.get("z1")) or "")
+        assert part.unfelt(robots.get("ua_quad_arm4")) is None
