@@ -5,6 +5,7 @@ import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from aerial_il.core.errors import InvalidValueError
@@ -125,6 +126,14 @@ def test_training_curves_survive_a_killed_writer(tmp_path: Path) -> None:
         curves_of(read_rows(tmp_path / "metrics.jsonl"))
     with pytest.raises(InvalidValueError, match=r"cannot be read .* training run"):
         curves_of(read_rows(tmp_path / "missing" / "metrics.jsonl"))
+
+
+def test_a_long_curve_begins_and_ends_as_it_was_logged() -> None:
+    (curve,) = curves_of({"step": 100 * k, "loss": float(1000 - k)} for k in range(1000))
+    assert (len(curve.steps), len(curve.values)) == (300, 300)
+    assert (curve.steps[0], curve.steps[-1], curve.values[0], curve.values[-1]) == (0, 99_900, 1000.0, 1.0)
+    assert (np.diff(curve.steps) > 0).all()
+    assert (np.diff(curve.values) < 0).all()
 
 
 @pytest.mark.browser

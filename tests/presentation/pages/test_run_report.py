@@ -1,6 +1,7 @@
 """The page of a run, and that of several, tell what the runs did and hide no seed."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,18 @@ def test_every_logged_number_of_any_algorithm_is_drawn(tmp_path: Path) -> None:
     assert Outline(html).ids == ["rollouts", "metrics", "origin"]
     for name in (*ADVERSARIAL, "evaluate/crashes"):
         assert f'aria-label="{name} over 15000 environment steps' in html
+
+
+@pytest.mark.parametrize("values", [(3.0, -6.0), (-2.0, -6.0), (-6.0, 3.0)])
+def test_a_negative_log_likelihood_is_drawn_whole(tmp_path: Path, values: tuple[float, ...]) -> None:
+    """One that falls below zero stays in the picture, whose y grows downwards."""
+    rows = [{"step": float(k), "loss": value} for k, value in enumerate(values)]
+    run = read_run(make_other(tmp_path / "run", {"algorithm": "bc"}, rows))
+    figure = run_figures.losses({"it": [run]})
+    assert figure is not None
+    _, top, _, height = map(float, re.findall(r'class="data".*?viewBox="([^"]+)"', figure.svg)[0].split())
+    points = re.findall(r'points="([^"]+)"', figure.svg)[0].split()
+    assert all(top <= float(point.split(",")[1]) <= top + height for point in points)
 
 
 def test_what_dagger_asks_is_drawn_over_rounds(tmp_path: Path) -> None:
