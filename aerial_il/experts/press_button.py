@@ -66,7 +66,7 @@ def lean_on(force: float, robot: Robot) -> float:
 
     The disturbance observer takes over a share of the weight; the rest is the position loop's, in proportion.
     """
-    gains, mass = Gains(), robot.vehicle.mass
+    gains, mass = Gains().fitted(robot.vehicle), robot.vehicle.mass
     return max(0.0, force - gains.observer_limit * mass * GRAVITY) / (gains.position * mass)
 
 

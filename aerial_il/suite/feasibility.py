@@ -56,7 +56,7 @@ def infeasible_gentleness(robot: Robot, force: float) -> str | None:
 
     A hovering base pushes back by its position gain times its mass for every metre that it is held off its reference.
     """
-    stiffness = Gains().position * robot.vehicle.mass
+    stiffness = Gains().fitted(robot.vehicle).position * robot.vehicle.mass
     if WANDER_M * stiffness > GENTLE_SHARE * force:
         return (
             f"its base resists displacement with {0.01 * stiffness:.1f} N/cm, too much for contact forces of at most "

@@ -17,6 +17,7 @@ from aerial_il.robots.parts.arm import Arm
 from aerial_il.robots.robot import Robot
 from aerial_il.suite import tasks
 from aerial_il.suite.batch import BatchEnvironment
+from aerial_il.suite.feasibility import infeasible_gentleness
 from aerial_il.suite.tasks import CellError
 from aerial_il.workflows.catalogue import catalogue
 from tests.contract.registered import batch, each_cell, each_cell_and_tier, hold_actions, random_actions
@@ -195,3 +196,10 @@ def test_the_reward_prefers_the_expert(robot: str, task: str) -> None:
 
     worlds = batch(robot, task)
     assert mean_reward(worlds, with_expert=True) > 1.5 * mean_reward(worlds, with_expert=False)
+
+
+def test_a_base_is_as_stiff_as_it_is_flown() -> None:
+    """Slow rotors are flown with softer gains, which keep a heavy vehicle gentle."""
+    heavy = robots.get("big_four_z1")
+    assert infeasible_gentleness(heavy, 15.0) is None
+    assert "2.0 N/cm, too much for contact forces of at most 5 N" in (infeasible_gentleness(heavy, 5.0) or "")
