@@ -1,13 +1,16 @@
 """``rerun=true``: the first world of what flies now is shown in rerun."""
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 from aerial_il.core.contracts import BatchEnv
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.files import write_atomic
 from aerial_il.suite.batch import BatchEnvironment
 
+log = logging.getLogger(__name__)
 RECORDED = Path("runs/inspections/live.rrd")
 
 
@@ -30,16 +33,25 @@ def watched[Env: BatchEnv](env: Env, threads: int, *, wanted: bool) -> Iterator[
     from aerial_il.presentation.rerun.program import program
 
     stream = rr.RecordingStream("aerial_il-live")
-    if has_screen():
+    sent = None if has_screen() else stream.binary_stream()  # on a full disk rerun's own writer can wait for ever
+    if sent is None:
         rr.spawn(executable_path=str(program()), recording=stream)
     else:
-        RECORDED.parent.mkdir(parents=True, exist_ok=True)
-        stream.save(RECORDED)
-        print(f"No screen here: what flies is written to {RECORDED}")
+        print(f"No screen here: what flies is written to {RECORDED} in the end")
     shown = WatchedBatch(env, threads, stream)
     try:
         yield shown
     finally:
         shown.close()
         stream.flush()
+        if sent is not None:
+            _keep(sent.read() or b"")
         stream.disconnect()
+
+
+def _keep(recording: bytes) -> None:
+    """Write what was shown; where that fails the flights themselves are kept."""
+    try:
+        write_atomic(RECORDED, recording)
+    except OSError as error:
+        log.warning("%s: what flew could not be written (%s).", RECORDED, error)

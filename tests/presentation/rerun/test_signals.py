@@ -179,3 +179,20 @@ def test_collecting_with_rerun_records_the_same_flights(tmp_path: Path, monkeypa
     one, other = (open_dataset(name)[0] for name in ("plain", "watched"))
     assert np.array_equal(one.states, other.states)
     assert len(Shown(Path("runs/inspections/live.rrd")).numbers("/signals/reward", "Scalars:scalars")) == len(one)
+
+
+def test_a_place_that_cannot_be_written_costs_no_flight(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from aerial_il.cli.main import main
+    from aerial_il.data.dataset import open_dataset
+
+    monkeypatch.chdir(tmp_path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    Path("runs").mkdir()
+    Path("runs/inspections").touch()  # a file, where the folder would be made
+    words = ["robot=quad", "task=hover", "episodes=1", "horizon=20", "progress=false", "threads=1", "rerun=true"]
+    assert main(["collect", *words, "out=flown"]) == 0
+    assert "what flew could not be written" in capsys.readouterr().err
+    assert len(open_dataset("flown", failures=True)) == 1
