@@ -190,7 +190,7 @@ def _standing(robot: str, task: str, tier: str, method: str, results: Sequence[E
         ci95 = statistics.success_of_trainings(np.array(won), rng=rng)
     else:
         seeds = len({seed for result in results for seed in result.seeds})
-        ci95 = statistics.wilson(round(count / total * seeds), seeds)  # flights of one seed are not independent
+        ci95 = statistics.wilson_of_rate(count / total, seeds)  # flights of one seed are not independent
     how = [result.provenance.get(TRAINED, {}) for result in results]
     seconds = [each["seconds"] for each in how if each.get("seconds") is not None]
     commands = dict.fromkeys(str(result.provenance.get("command", "")) for result in results)

@@ -189,15 +189,15 @@ def wilson_of_seeds(outcomes: Sequence[Mapping[int, bool]]) -> Interval:
     if 0.0 < rate < 1.0 and len(seeds) > 1:
         between = float(np.sum((won - rate * flown) ** 2)) / total**2
         effective = min(total, rate * (1.0 - rate) / between) if between > 0.0 else total
-    centre, half = _score(rate, effective)
-    return Interval(max(0.0, centre - half) if count else 0.0, min(1.0, centre + half) if count < total else 1.0)
+    return wilson_of_rate(rate, effective)
 
 
-def _score(rate: float, total: float) -> tuple[float, float]:
-    """Return the middle and half the width of Wilson's interval, of a number of trials that need not be whole."""
+def wilson_of_rate(rate: float, total: float) -> Interval:
+    """Return Wilson's interval of a rate in a number of trials that need not be whole, nor the successes among them."""
     share = Z * Z / total
     half = Z * math.sqrt(rate * (1.0 - rate) / total + share / (4.0 * total)) / (1.0 + share)
-    return (rate + 0.5 * share) / (1.0 + share), half
+    centre = (rate + 0.5 * share) / (1.0 + share)
+    return Interval(max(0.0, centre - half) if rate > 0.0 else 0.0, min(1.0, centre + half) if rate < 1.0 else 1.0)
 
 
 def success_of_trainings(outcomes: np.ndarray, *, rng: np.random.Generator) -> Interval:
@@ -211,7 +211,7 @@ def success_of_trainings(outcomes: np.ndarray, *, rng: np.random.Generator) -> I
         :func:`bootstrap_trainings`, which has no width where all outcomes are equal.
     """
     trainings, seeds = outcomes.shape
-    interval = wilson(round(float(outcomes.mean()) * seeds), seeds)
+    interval = wilson_of_rate(float(outcomes.mean()), seeds)
     return interval.hull(bootstrap_trainings(outcomes, rng=rng)) if trainings > 1 else interval
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.errors import InvalidValueError
@@ -14,6 +14,9 @@ from aerial_il.workflows.parts.shards import shards_of
 
 if TYPE_CHECKING:
     from aerial_il.core.contracts import BatchEnv, Policy
+
+
+OF_THE_SUITE = ("robot", "task", "tier", "action", "controller", "cameras", "image_size")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,6 +157,18 @@ def _check_of_the_suite(settings: Collect) -> None:
             raise InvalidValueError(f"{name}={value} is for env=...: {advice}.")
 
 
+def _check_outside(settings: Collect) -> None:
+    """Refuse what is read for the suite alone."""
+    asked = {
+        name: getattr(settings, name) for name in OF_THE_SUITE if getattr(settings, name) != getattr(Collect, name)
+    }
+    own = replace(settings.expert, noise=Expert.noise)
+    asked |= {f"expert.{name}": value for name, value in asdict(own).items() if value != getattr(Expert, name)}
+    if asked:
+        said = " ".join(f"{name}={value}" for name, value in asked.items())
+        raise InvalidValueError(f"{said} is for the suite: leave it out with env={settings.env}.")
+
+
 def _outside(settings: Collect) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
     from aerial_il.workflows.parts import environments, pilots
@@ -162,6 +177,7 @@ def _outside(settings: Collect) -> None:
     if settings.rerun:
         raise InvalidValueError("rerun=true works in this suite only: leave out env=... or rerun=true.")
     environments.check_horizon(settings.env, settings.horizon)
+    _check_outside(settings)
     if source is None:
         raise InvalidValueError(f"env={settings.env} has no expert of its own: set policy=... too.")
     options = environments.given(success=settings.success, max_steps=settings.max_steps)

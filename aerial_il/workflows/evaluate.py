@@ -133,6 +133,8 @@ def evaluate(settings: Evaluate) -> Evaluated:
         env=settings.env,
         options=environments.given(success=settings.success, max_steps=settings.max_steps),
     )
+    if pilot.reference.env and settings.tier != Evaluate.tier:
+        raise InvalidValueError(f"tier={settings.tier} is for the suite: leave it out with {pilot.reference.env}.")
     pilot = _executing(pilot, settings)
     _tell(pilot, settings)
     seeds = range(settings.seed, settings.seed + settings.episodes)
@@ -177,6 +179,7 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     from aerial_il.evaluation.destination import CALLED, finished, subject_of
     from aerial_il.evaluation.journal import Journal
     from aerial_il.workflows.parts import results
+    from aerial_il.workflows.parts.seen_seeds import warn_of_seen
 
     spec, name, journal = env.spec, settings.policy, Journal(settings.out)
     origin = rollouts.origin_of(env, pilot.policy)
@@ -184,6 +187,7 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
+    warn_of_seen(name, spec, seeds)
     journal.start({**subject, CALLED: name})
     command = {"command": _command(settings, pilot), **_trained(settings.policy)}
     result = rollouts.evaluate(
@@ -204,11 +208,11 @@ def _trained(policy: str) -> dict[str, Any]:
 
 
 def _command(settings: Evaluate, pilot: Pilot) -> str:
-    from aerial_il.workflows.spelling import command_line, literal
+    from aerial_il.workflows.spelling import command_line
 
     ours = () if pilot.reference.env else (f"tier={settings.tier}", f"controller={settings.controller}")
     said = (f"latency.{name}={value:g}" for name, value in settings.latency.said.items())
-    said = (*said, *([f"instruction={literal(settings.instruction)}"] if settings.instruction is not None else []))
+    said = (*said, *([f"instruction={settings.instruction}"] if settings.instruction is not None else []))
     said = (*said, *(f"execution.{name}={value}" for name, value in settings.execution.said.items()))
     flown = (*ours, *said, f"episodes={settings.episodes}", f"seed={settings.seed}", f"out={settings.out}")
     return command_line(["evaluate", *pilot.overrides, *flown])

@@ -1,11 +1,20 @@
 """A policy as a folder that flies with NumPy and onnxruntime alone."""
 
+from __future__ import annotations
+
+import logging
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import License
 
+if TYPE_CHECKING:
+    from aerial_il.evaluation.result import EvaluationResult
+    from aerial_il.policies.parts.chunk_policy import ChunkPolicy
+
+log = logging.getLogger(__name__)
 TOLERANCE = 1e-4  # of normalised actions, between the graph and the network
 
 
@@ -52,7 +61,8 @@ def export(settings: Export) -> Exported:
 
     out = claim_folder(settings.out, (DESCRIPTION, CARD), (GRAPH, DESCRIPTION, CARD))
     policy = load_policy(settings.policy)
-    result = load_result(place) if (place := _evaluation(settings)) else None
+    place = _evaluation(settings)
+    result = _own_result(load_result(place), policy, settings) if place else None
     graph = onnx_of(policy)
     out.mkdir(parents=True, exist_ok=True)
     write_atomic(out / GRAPH, graph)
@@ -66,6 +76,24 @@ def export(settings: Export) -> Exported:
         )
     write_atomic(out / CARD, model_card(policy, title=out.resolve().name, result=result, license=settings.license))
     return Exported(out, len(graph), difference)
+
+
+def _own_result(result: EvaluationResult, policy: ChunkPolicy, settings: Export) -> EvaluationResult | None:
+    """Return the result if these weights flew it: a run that was trained anew still has the one of before beside it.
+
+    Raises:
+        InvalidValueError: they did not, and it was asked for.
+    """
+    from aerial_il.evaluation.rollouts import weights_of
+
+    if result.provenance.get("policy_sha256") == weights_of(policy):
+        return result
+    if settings.evaluation:
+        raise InvalidValueError(
+            f"evaluation={settings.evaluation} was flown by other weights than {settings.policy} has."
+        )
+    log.warning("The evaluation beside %s was flown by other weights: the card says not evaluated.", settings.policy)
+    return None
 
 
 def _evaluation(settings: Export) -> Path | None:

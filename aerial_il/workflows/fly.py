@@ -120,8 +120,8 @@ def fly(settings: Fly) -> Flown:
         pilot, ticks = _pilot(settings, known.policy, env)
         with closing(pilot), _watched(settings, pilot, env) as (flier, name):
             flown = collect(
-                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings), progress=settings.progress,
-                mix=settings.mix, called="fly",
+                env, flier, seeds, settings.out, policy_name=name, settings=_said(settings, known.policy),
+                mix=settings.mix, progress=settings.progress, called="fly",
             )  # fmt: skip
         remember(flown, env.spec)
         if settings.land and flown.flights:
@@ -196,9 +196,15 @@ def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterato
         yield shared, f"{settings.policy} with {HUMAN}{operator}"
 
 
-def _said(settings: Fly) -> dict[str, Any]:
-    """Return what was asked for that changes a flight: the same command goes on, whatever is measured on the way."""
-    link = settings.link
+def _said(settings: Fly, policy: Policy) -> dict[str, Any]:
+    """Return what was asked for that changes a flight: the same command goes on, whatever is measured on the way.
+
+    The weights of the policy are part of it: what is called alike need not be the same.
+    """
+    from aerial_il.evaluation.rollouts import weights_of
+
+    link, weights = settings.link, weights_of(policy)
     own = {f"link.{name}": value for name, value in asdict(link).items() if value != getattr(type(link), name)}
-    said = {"link": link.name, **own, **settings.latency.said, **settings.execution.said}
+    known_by = {"policy_sha256": weights[:12]} if weights else {}
+    said = {"link": link.name, **own, **known_by, **settings.latency.said, **settings.execution.said}
     return said | {name: value for name in ("think_ms", "blend_ms") if (value := getattr(settings, name))}

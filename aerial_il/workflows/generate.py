@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 POLICY, WRIST = "generated", "wrist"
+LOOKED_AT = 16  # starts, before anything is flown
 LONGEST, SPARE_STEPS = 3, 250  # a flight is cut off after so many times its longest source, and that
 
 
@@ -125,20 +126,23 @@ def generate(settings: Generate) -> str:
 
 
 def _look_ahead(env: BatchEnvironment, policy: Generator, settings: Generate) -> None:
-    """Say how many of the first flights are beyond the robot.
+    """Say of how many starts, as many whatever is flown at once, the flights are beyond the robot.
 
     Raises:
         InvalidValueError: all of them.
     """
-    env.reset(settings.seed)
     policy.attach(env)
-    reasons = Counter(why for why in policy.beyond() if why)
+    why: list[str | None] = []
+    for first in range(settings.seed, settings.seed + LOOKED_AT, env.num_envs):
+        env.reset(first)
+        why += policy.beyond()
+    reasons = Counter(reason for reason in why[:LOOKED_AT] if reason)
     if not reasons:
         return
     count, robot = reasons.total(), env.spec.robot
-    told = "; ".join(f"{times} {why}" for why, times in reasons.most_common())
-    share = f"{count} of the first {env.num_envs} flights are beyond {robot}: {told}."
-    if count == env.num_envs:
+    told = "; ".join(f"{times} {reason}" for reason, times in reasons.most_common())
+    share = f"From {count} of {LOOKED_AT} starts, seed {settings.seed} and on, flights are beyond {robot}: {told}."
+    if count == LOOKED_AT:
         raise InvalidValueError(f"{share} Name another robot, or take a source that it can fly.")
     log.warning("%s They are flown all the same, and kept as failures if they fail.", share)
 

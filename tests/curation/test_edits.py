@@ -236,3 +236,16 @@ def test_words_of_its_own_are_relabelled_too(dataset: Path, tmp_path: Path) -> N
     (again,) = open_dataset(folder.path)
     assert again.instruction == "Press the bell."
     assert again.provenance["relabelled"][0]["was"]["instruction"] == "Pick."
+
+
+def test_an_export_is_made_anew_after_an_edit_and_after_it_was_taken_back(dataset: Path) -> None:
+    was = open_dataset(dataset)[0].instruction
+    for words, now in (
+        ((), was),
+        (("relabel", "where=success", "instruction=A typing error."), "A typing error."),
+        (("undo",), was),
+    ):
+        if words:
+            assert edit(words[0], dataset, *words[1:]) == 0
+        assert edit("convert", dataset) == 0
+        assert open_dataset(dataset / "derived" / "lerobot")[0].instruction == now

@@ -73,6 +73,16 @@ def test_where_seeds_are_hard_or_easy_95_of_100_intervals_hold_the_rate() -> Non
     assert np.mean(naive) < 0.9
 
 
+def test_a_failure_among_trainings_is_not_rounded_away() -> None:
+    """Of 100 flights on 50 seeds one was lost: that says less for them than if none had been."""
+    outcomes = np.ones((2, 50))
+    outcomes[0, 0] = 0
+    rng = np.random.default_rng(0)
+    lo, _ = statistics.success_of_trainings(outcomes, rng=rng)
+    assert lo < statistics.success_of_trainings(np.ones((2, 50)), rng=rng).lo
+    assert lo == pytest.approx(0.911, abs=5e-4)
+
+
 def test_a_mean_over_tasks_in_which_all_is_won_has_an_interval() -> None:
     rng = np.random.default_rng(0)
     assert statistics.bootstrap_macro([[100]] * 10, 100, rng=rng) == statistics.wilson(1000, 1000)

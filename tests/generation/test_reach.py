@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -84,9 +85,12 @@ def test_the_command_says_it_before_it_flies(
     words = ["generate", f"dataset={shown('pick_place')}", f"out={tmp_path / 'many'}", "episodes=2", "progress=false"]
     monkeypatch.setattr(pick_place, "two_places", lambda *_, **__: far)
     assert main(words) == 2
-    assert "2 of the first 2 flights are beyond fa_hexa_arm4: 2 leave the space" in capsys.readouterr().err
-    turn = iter([near, far] * 8)
-    monkeypatch.setattr(pick_place, "two_places", lambda *_, **__: next(turn))
-    assert main(words) == 0
-    assert "1 of the first 2 flights are beyond fa_hexa_arm4" in capsys.readouterr().err
-    assert len(list(open_dataset(tmp_path / "many", failures=True))) == 2
+    told = "From 16 of 16 starts, seed 0 and on, flights are beyond fa_hexa_arm4: 16 leave the space"
+    assert told in capsys.readouterr().err
+    for worlds in (1, 2):  # what is refused does not depend on how many fly at once
+        turn = cycle([far, near])
+        monkeypatch.setattr(pick_place, "two_places", lambda *_, turn=turn, **__: next(turn))
+        out = tmp_path / f"{worlds} at once"
+        assert main([*words[:2], f"out={out}", *words[3:], f"num_envs={worlds}"]) == 0
+        assert "From 8 of 16 starts, seed 0 and on, flights are beyond fa_hexa_arm4" in capsys.readouterr().err
+        assert len(list(open_dataset(out, failures=True))) == 2

@@ -411,3 +411,16 @@ def test_onboard_a_policy_is_told_the_task_of_its_robot(monkeypatch: pytest.Monk
     monkeypatch.setattr(language, "embedded", lambda text: (told.append(text), embedded(text))[1])
     fly_onboard(policy, SimulatedLink(SimulatedRobot(ROBOT, "press_button")), seconds=0.04, seed=1)
     assert {*told} == {specs[1].instruction}
+
+
+def test_flights_of_other_weights_are_not_taken_for_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A policy that was trained anew has the name of the one before."""
+    monkeypatch.chdir(tmp_path)
+    words = ["fly", "policy=policy", "episodes=1", "out=flown", "progress=false"]
+    for hidden, code in ((8, 0), (8, 0), (16, 2)):
+        fresh_policy("mlp", hidden=(hidden,)).save("policy")
+        assert main(words) == code
+        assert len([*Path("flown").rglob("*.mcap")]) == 1, "the same is not flown twice"
+    assert "policy_sha256" in capsys.readouterr().err

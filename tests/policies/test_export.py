@@ -4,6 +4,7 @@ import hashlib
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +13,11 @@ import pytest
 import aerial_il
 from aerial_il.cli.main import main
 from aerial_il.core.errors import CheckpointError, InvalidValueError
-from aerial_il.evaluation.rollouts import origin_of
+from aerial_il.evaluation.rollouts import origin_of, weights_of
 from aerial_il.policies import load_any_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 from aerial_il.workflows.export import Export, export
+from tests.experiments.results import result_with
 from tests.policies import test_vision
 from tests.policies.test_contract import observations, policy
 from tests.policies.test_registry import NAMES
@@ -92,6 +94,21 @@ def test_the_readme_says_what_it_flies(tmp_path: Path) -> None:
         assert field.replace("_", r"\_") in text
     assert "not evaluated" in text
     assert own.spec.robot.replace("_", r"\_") in text
+
+
+def test_a_card_states_no_success_of_other_weights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A run that is trained anew has the evaluation of before beside it."""
+    run, stated = tmp_path / "run", result_with(100, 90)
+    made = policy("mlp")
+    made.save(run)
+    for weights, said in ((weights_of(made), "90.0 %"), ("0" * 64, "not evaluated")):
+        replace(stated, provenance={"policy_sha256": weights}).save(run / "evaluation")
+        out = tmp_path / str(weights)[:4]
+        assert main(["export", str(run), f"out={out}"]) == 0
+        assert said in (out / "README.md").read_text()
+    assert "was flown by other weights" in capsys.readouterr().err
+    assert main(["export", str(run), f"out={tmp_path / 'asked'}", f"evaluation={run / 'evaluation'}"]) == 2
+    assert "was flown by other weights than" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

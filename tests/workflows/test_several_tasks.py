@@ -1,6 +1,7 @@
 """A folder of several tasks: learned from evenly, flown on the way and filmed in each of them."""
 
 import json
+import shlex
 import shutil
 from contextlib import closing
 from dataclasses import replace
@@ -133,7 +134,9 @@ def test_a_result_says_what_an_instruction_was_taken_for(worded: Path, tmp_path:
     known = next(iter(wordings_of(load_flying(worded).spec)))
     asked = [f"policy={worded}", "task=reach", "episodes=1", "videos=0", f"out={tmp_path / 'out'}", QUIET]
     assert main(["evaluate", *asked, f"instruction={known} Now!"]) == 0
-    told = load_result(tmp_path / "out").provenance["environment"]
+    provenance = load_result(tmp_path / "out").provenance
+    told = provenance["environment"]
+    assert f"instruction={known} Now!" in shlex.split(provenance["command"]), "typed again it is the same"
     assert (told["instruction"], told["understood"]) == (f"{known} Now!", known)
 
 

@@ -5,6 +5,7 @@ The space is written as Hydra writes it: ``interval(0,1)``, ``tag(log,interval(1
 """
 
 import fcntl
+import math
 import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -96,7 +97,8 @@ class Optuna:
         """Return what draws the trial of that number: seeded anew, so that a search that was killed draws the same."""
         from optuna.samplers import TPESampler
 
-        return TPESampler(seed=self.seed * _MOST_TRIALS + number, n_startup_trials=self.startup)
+        seed = (self.seed * _MOST_TRIALS + number) % 2**32  # the largest that it takes
+        return TPESampler(seed=seed, n_startup_trials=self.startup)
 
     def _study(self, folder: Path) -> Any:
         import optuna
@@ -207,7 +209,7 @@ def _alone(folder: Path) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InvalidValueError(
-                f"{folder}: another process searches there. Wait for it; optuna.jobs=N runs several trials at a time."
+                f"{folder}: another process searches there. Wait for it; sweeper.jobs=N runs several trials at a time."
             ) from None
         yield
 
@@ -229,7 +231,7 @@ def distribution(key: str, sweep: Any) -> Any:
         InvalidValueError: it is a sweep of another kind, such as ``glob(...)``.
     """
     from hydra.core.override_parser.types import ChoiceSweep, IntervalSweep, RangeSweep
-    from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+    from optuna.distributions import CategoricalDistribution, FloatDistribution
 
     log = "log" in getattr(sweep, "tags", ())
     if isinstance(sweep, ChoiceSweep):
@@ -237,9 +239,25 @@ def distribution(key: str, sweep: Any) -> Any:
     if isinstance(sweep, IntervalSweep) and sweep.start is not None and sweep.end is not None:
         return FloatDistribution(float(sweep.start), float(sweep.end), log=log)
     if isinstance(sweep, RangeSweep) and sweep.start is not None and sweep.stop is not None:
-        first, last, step = int(sweep.start), int(sweep.stop) - 1, int(sweep.step)
-        return IntDistribution(first, first + (last - first) // step * step, step=1 if log else step, log=log)
+        return _of_range(key, sweep.start, sweep.stop, sweep.step, log=log)
     raise InvalidValueError(f"{key}: a search takes interval(A,B), range(A,B,STEP), choice(A,B) or A,B.")
+
+
+def _of_range(key: str, start: float, stop: float, step: float, *, log: bool) -> Any:
+    """Return the distribution of what ``range(start,stop,step)`` lists: ``stop`` is not part of it."""
+    from optuna.distributions import FloatDistribution, IntDistribution
+
+    count = math.ceil(round((stop - start) / step, 9)) if step > 0 else 0
+    if count < 1:
+        raise InvalidValueError(f"{key}: range({start},{stop},{step}) is empty; a search goes up, by a positive step.")
+    if all(float(number).is_integer() for number in (start, step)):
+        first, by = int(start), int(step)
+        return IntDistribution(first, first + (count - 1) * by, step=1 if log else by, log=log)
+    if log:
+        raise InvalidValueError(
+            f"{key}: a logarithmic range has whole numbers; type tag(log,interval({start},{stop}))."
+        )
+    return FloatDistribution(float(start), round(float(start + (count - 1) * step), 12), step=float(step))
 
 
 def _plain(value: Any) -> Any:

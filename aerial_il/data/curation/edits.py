@@ -250,6 +250,7 @@ class Edits:
                         f"{home} was recorded anew since {kept} was deleted: move one of them away."
                     )
                 _move(kept, home)
+                os.utime(home)  # what was derived in the meantime is older
             if moved.to is not None:
                 part_of(self.folder.file(uid, DEMOS)).unlink(missing_ok=True)
             if moved.to not in (None, moved.kind):

@@ -36,9 +36,11 @@ export function focus(focused) {
   page.focused = focused;
 }
 
+const isDialogOpen = () => Boolean(document.querySelector("dialog[open]"));
+
 // Keys by which one walks through a page are the page's own where it is walked through, or where nothing flies.
 function isThePages(code) {
-  if (document.querySelector("dialog[open]")) return true;
+  if (isDialogOpen()) return true;
   if (document.activeElement && document.activeElement !== document.body) return WALKING.test(code);
   return code === "Tab" && (!flies() || !["idle", "recording"].includes(state()));
 }
@@ -57,11 +59,13 @@ function sendInput() {
   }
   if (pad.read()) unplugged();
   page.seq += 1;
-  const pressed = hands.flatMap((hand) => hand.presses.take()).filter((name) => !local.has(page.keys.get(name)));
-  const held = hands.flatMap((hand) => hand.held());
+  const taken = hands.flatMap((hand) => hand.presses.take());
+  const flying = isDialogOpen() ? [] : hands; // a dialog has all hands: a button that is bound there gives no command
+  const pressed = flying.length ? taken.filter((name) => !local.has(page.keys.get(name))) : [];
+  const held = flying.flatMap((hand) => hand.held());
   if (pressed.length) page.pressedAt.push({ seq: page.seq, at: performance.now() });
   page.held = held;
-  page.axes = sum(hands.map((hand) => hand.axes()));
+  page.axes = sum(flying.map((hand) => hand.axes()));
   send({ type: "input", seq: page.seq, held, pressed, axes: page.axes, pose: phone.pose(), t: performance.now() });
   for (const work of watchers) work(pressed);
 }

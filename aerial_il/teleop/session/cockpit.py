@@ -11,6 +11,7 @@ import numpy as np
 from aerial_il.core.contracts import Observation, Policy
 from aerial_il.core.errors import (
     AerialError,
+    DemoError,
     NonFiniteActionError,
     SimulationDivergedError,
     StorageError,
@@ -284,8 +285,11 @@ class Cockpit:
         if self.state in HOLDS_EPISODE:
             self.message = "Finish this episode first: undo brings back a discarded one."
             return
-        uid = self.logbook.undo()
-        self.message = f"Brought back: {uid}" if uid else "There is nothing to bring back."
+        try:
+            uid = self.logbook.undo()
+            self.message = f"Brought back: {uid}" if uid else "There is nothing to bring back."
+        except DemoError as error:
+            self.message = f"It cannot be brought back: {error}"
         self._counts = self.logbook.counts()
 
     def _reset(self) -> None:

@@ -97,7 +97,9 @@ def pilot(
     if note := tier_note(spec):
         log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
-        where = EnvironmentReference(env=env or key_of(spec), options={**outside.checked_options(spec), **chosen})
+        ours = {"robot": robot, "task": task, "action": action} if env else {}
+        options = {**outside.checked_options(spec), **chosen}
+        where = EnvironmentReference(env=env or key_of(spec), options=options, **ours)
         return _pilot(policy, source, where, chosen, None if env else spec)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks: choose one with task=... Valid: {', '.join(known)}.")
@@ -157,8 +159,10 @@ def _place(
     source: str, robot: str | None, task: str | None, action: str | None, env: str | None, options: Mapping[str, Any]
 ) -> EnvironmentReference:
     """Return the environment that was named for a policy that says nothing of one."""
-    if env is not None and source != EXPERT:
-        return EnvironmentReference(env=env, options=options)
+    if env is not None and source == EXPERT:
+        raise InvalidValueError(f"env={env} has no expert of its own: leave out env=..., or fly another policy=...")
+    if env is not None:
+        return EnvironmentReference(env=env, options=options, robot=robot, task=task, action=action)
     if robot is None or task is None:
         raise InvalidValueError(
             f"policy={source} needs robot=... and task=..., or env=...: it does not state where it flies. "

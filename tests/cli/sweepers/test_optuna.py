@@ -47,10 +47,21 @@ def test_a_space_is_read_as_hydra_writes_it() -> None:
         "algorithm.patience": kinds.CategoricalDistribution([1, 2]),
     }
     assert fixed == ["dataset.path=d", "seed=3"]
+    rates = {"0.5,3.5,1": (0.5, 2.5, 1.0), "0.1,0.9,0.2": (0.1, 0.7, 0.2)}
+    for typed, (low, high, step) in rates.items():
+        found = distribution("algorithm.lr", swept(f"algorithm.lr=range({typed})")[0]["algorithm.lr"])
+        assert (found.low, found.high, found.step) == pytest.approx((low, high, step))
+    for empty in ("50,5,-5", "5,5,1"):
+        with pytest.raises(InvalidValueError, match=f"seed: range.{empty}. is empty; a search goes up"):
+            distribution("seed", swept(f"seed=range({empty})")[0]["seed"])
     with pytest.raises(InvalidValueError, match="interval"):
         distribution("seed", swept("seed=glob(*)")[0]["seed"])
     with pytest.raises(InvalidValueError, match="nothing to search"):
         swept("seed=3")
+
+
+def test_any_seed_draws() -> None:
+    assert Optuna(seed=50_000).sampler(3) is not None
 
 
 def test_a_search_needs_a_sweep(capsys: pytest.CaptureFixture[str]) -> None:

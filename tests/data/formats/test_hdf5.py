@@ -14,7 +14,9 @@ from aerial_il.core.errors import DemoError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.formats import d4rl, robomimic
+from aerial_il.data.formats.parts import whole
 from aerial_il.data.formats.parts.content_digest import content_digest
+from aerial_il.data.formats.parts.whole import replacing
 from aerial_il.data.replay import replay
 from tests.data.crane import CraneBatch
 from tests.data.recording.test_damage import episodes_equal
@@ -102,6 +104,27 @@ def test_a_specification_of_before_a_key_was_added_is_read(file: Path) -> None:
         older = {key: value for key, value in json.loads(attributes["spec"]).items() if key != "options"}
         attributes["spec"], attributes["digest"] = json.dumps(older), content_digest(episode, older)
     assert episodes_equal(open_dataset(file)[0], episode)
+
+
+def test_an_interrupt_while_a_folder_is_replaced_leaves_one_whole(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "flights-v0"
+    out.mkdir()
+    (out / "old").touch()
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    def written() -> None:
+        with replacing(out) as place:
+            place.mkdir()
+            (place / "new").touch()
+            monkeypatch.setattr(whole.shutil, "rmtree", interrupted)
+
+    with pytest.raises(KeyboardInterrupt):
+        written()
+    assert [file.name for file in out.iterdir()] == ["new"]
 
 
 FULL = """

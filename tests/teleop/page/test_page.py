@@ -118,8 +118,10 @@ async def test_keys_with_ctrl_or_help_open_fly_nothing(tmp_path: Path) -> None:
         await tab.tap("KeyH")
         await tab.until("document.getElementById('help').open")
         await tab.tap("KeyR")
+        await tab.value(PAD + "window.mock.axes[3] = -1; window.mock.buttons[9] = {pressed: true, value: 1}; 1")
         await asyncio.sleep(0.5)
         assert await tab.value(STATE) == "idle"
+        assert await tab.value("teleop.status.speed") == 0
         assert "turn left" in await tab.value("document.getElementById('help').innerText")
 
 

@@ -1,5 +1,6 @@
 """Sessions on a real environment and a real disk: recorded, reviewed, kept, discarded, brought back, flown again."""
 
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -130,6 +131,18 @@ def test_discarded_goes_to_the_trash_and_undo_brings_it_back(tmp_path: Path) -> 
     assert len({file.name for file in files}) == 3, "takes of one seed have names of their own"
     assert [read_episode(file).seed for file in files] == [5000] * 3
     assert set(DatasetFolder(tmp_path).read_index()["failures"]) == {file.stem for file in files}
+
+
+def test_a_trash_that_somebody_emptied_ends_no_session(tmp_path: Path) -> None:
+    cockpit = cockpit_of(world(), tmp_path)
+    recorded(cockpit, ending="discard")
+    cockpit.logbook.settle(wait=True)
+    shutil.rmtree(tmp_path / "trash")
+    fly(cockpit, schedule((1, 2, ["undo"])), 3)
+    assert "It cannot be brought back" in cockpit.message
+    recorded(cockpit)
+    cockpit.close()
+    assert cockpit.logbook.counts()["failures"] == 1
 
 
 def test_a_session_goes_on_where_it_stopped(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ The dataset is the same, byte for byte, however many there are.
 Example: aerial-il collect robot=fa_hexa_arm4 task=reach episodes=100 out=datasets/reach
 Example: aerial-il collect task=pick_place episodes=50 cameras=[wrist,scene] lerobot=true out=datasets/pick_seen
 Example: aerial-il collect robot=quad task=hover expert=my_pilot:make episodes=20 out=datasets/mine
-Example: aerial-il collect task=pick_place episodes=100000 launcher=processes out=datasets/large
+Example: aerial-il collect task=pick_place episodes=100000 seed=1000000 launcher=processes out=datasets/large
 Example: aerial-il collect env=gymnasium:AdroitHandDoor-v1 policy=dapg_policies.npz success=success:25 out=datasets/door
 """
 

@@ -6,7 +6,7 @@ path is moved to where the thing is in a new episode, joined by straight ways, a
 Example: aerial-il generate dataset=datasets/by_hand episodes=400 out=datasets/generated
 Example: aerial-il generate dataset=datasets/pick sources=1 tier=gusts episodes=1000 out=datasets/pick_gusts
 Example: aerial-il generate dataset=datasets/pick robot=ua_quad_arm4 episodes=1000 out=datasets/pick_quad
-Example: aerial-il generate dataset=datasets/pick episodes=20000 launcher=processes out=datasets/large
+Example: aerial-il generate dataset=datasets/pick episodes=20000 seed=1000000 launcher=processes out=datasets/large
 """
 
 from aerial_il.workflows.generate import Generate, generate, shards

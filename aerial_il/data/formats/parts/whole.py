@@ -35,9 +35,18 @@ def replacing(out: Path) -> Iterator[Path]:
         with storing(out):
             out.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
-            if temporary.is_dir():
-                shutil.rmtree(out, ignore_errors=True)
-            os.replace(temporary, out)
+            _take_the_place(temporary, out)
             sync_folder(out.parent)
     finally:
         temporary.unlink(missing_ok=True) if temporary.is_file() else shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _take_the_place(new: Path, out: Path) -> None:
+    """Put ``new`` where ``out`` is: interrupted at any moment, one of them is there whole."""
+    if not (new.is_dir() and out.exists()):
+        os.replace(new, out)
+        return
+    old = new.with_suffix(".old")
+    os.replace(out, old)
+    os.replace(new, out)
+    shutil.rmtree(old, ignore_errors=True)

@@ -1,0 +1,45 @@
+"""Whether starts that a policy is judged on are among those that it learned from."""
+
+import logging
+import re
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from aerial_il.core.errors import AerialError
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.dataset import open_dataset
+from aerial_il.evaluation.training_run import is_run, read_run
+from aerial_il.workflows.parts.rollout_evaluator import JUDGING_SEED
+
+log = logging.getLogger(__name__)
+
+
+def warn_of_seen(policy: str, spec: EnvSpec, seeds: Collection[int]) -> None:
+    """Say so where the datasets of a run, if they are still there, have flights of the seeds that it is judged on.
+
+    Args:
+        policy: as typed; only the folder of a run tells anything. spec: of the environment. seeds: of the evaluation.
+    """
+    if not is_run(policy):
+        return
+    named = re.compile(rf"{re.escape(f'{spec.robot}-{spec.task}')}-.+-(\d{{6,}})-[0-9a-f]{{8}}")
+    for path in _datasets(read_run(policy).command):
+        try:
+            known = open_dataset(path, states=False).uids
+        except AerialError:
+            continue
+        if shared := {int(found[1]) for uid in known if (found := named.fullmatch(uid))} & {*seeds}:
+            log.warning(
+                "%d of the %d seeds, the first %d, were flown in %s, which the policy learned from: this is no success "
+                "on unseen starts. Choose others by seed=, and record demonstrations below seed %d.",
+                len(shared), len(seeds), min(shared), path, JUDGING_SEED,
+            )  # fmt: skip
+
+
+def _datasets(command: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the datasets that a training was given and that are still there."""
+    said = command.get("dataset") or {}
+    for path in (said.get("path"), *(said.get("others") or ())):
+        if path and Path(path).exists():
+            yield path
