@@ -42,7 +42,7 @@ from aerial_il.algorithms.online.replay_buffer import Batch, alive, mixed
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.run.cadence import Cadence
 from aerial_il.algorithms.sac import SoftActorCritic
-from aerial_il.core.checks import require_share
+from aerial_il.core.checks import require_integer, require_share
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
 
 
@@ -93,6 +93,7 @@ class DAC(Algorithm):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_share(self, "expert_share")
+        require_integer("replay.batch_size", self.replay.batch_size, 2)  # half of it is demonstrated
 
     def problem(self, given: Given) -> Problem:
         if not starts_cloned(self):

@@ -27,7 +27,7 @@ from aerial_il.algorithms.interactive.rounds import Rounds
 from aerial_il.algorithms.run.cadence import Evaluate
 from aerial_il.algorithms.run.prior import load_prior
 from aerial_il.core.checks import require_not_negative, require_share
-from aerial_il.core.contracts import Observation
+from aerial_il.core.contracts import BatchEnv, Observation
 from aerial_il.data.episode import Episode
 
 
@@ -92,6 +92,9 @@ class Unlabelled:
 
     def __init__(self, pilot: Disturbed) -> None:
         self._pilot = pilot
+
+    def attach(self, env: BatchEnv) -> None:
+        self._pilot.attach(env)
 
     def begin(self, seeds: np.ndarray, mask: np.ndarray | None = None) -> None:
         self._pilot.begin(seeds, mask)

@@ -40,7 +40,7 @@ from aerial_il.algorithms.online.replay_buffer import ReplayBuffer, rows_of
 from aerial_il.algorithms.online.run import OnlineRun
 from aerial_il.algorithms.ppo import ProximalActorCritic
 from aerial_il.algorithms.run.cadence import Cadence
-from aerial_il.core.checks import require_positive
+from aerial_il.core.checks import require_integer, require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.squashed_gaussian import SquashedGaussianNetwork
@@ -95,7 +95,8 @@ class GAIL(Algorithm):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "reward_batch", "buffer_size")
+        require_positive(self, "buffer_size")
+        require_integer("reward_batch", self.reward_batch, 2)  # half of it is demonstrated
         if self.reward.updates != int(self.reward.updates):
             raise InvalidValueError(f"reward.updates is {self.reward.updates}; for each rollout it is a whole number.")
 

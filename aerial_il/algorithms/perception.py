@@ -37,7 +37,7 @@ from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.interactive.problem import Collect
 from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER_RUN
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
-from aerial_il.algorithms.run.folder import PRIOR, RunFolder
+from aerial_il.algorithms.run.folder import PRIOR, RunFolder, flown_in
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
 from aerial_il.algorithms.seeing.measurable import check_cameras, check_labels
 from aerial_il.algorithms.seeing.redrawing import Redrawing
@@ -166,7 +166,7 @@ class Perception:
         clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
         pilot = clone if self.execute == 0 else flying_its_newest(clone, self.execute)
         described = {"algorithm": self.name, "seed": seed, "settings": plain(self), "policy": policy.to_dict()}
-        described |= {"demonstrations": [demo.uid for demo in demos]}
+        described |= {"demonstrations": [demo.uid for demo in demos], "environment": flown_in(env)}
         with RunFolder.open(run, described, cadence=CADENCE, resume=resume) as folder, torch_threads(self.threads):
             if folder.finished:
                 return load_policy(run)

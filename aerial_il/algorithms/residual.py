@@ -26,7 +26,7 @@ from aerial_il.algorithms.bc_ppo import AnchoredActorCritic
 from aerial_il.algorithms.on_policy.from_clone import FromClone, Start
 from aerial_il.algorithms.on_policy.gate import ReturnGate
 from aerial_il.algorithms.on_policy.loop import learn_on_policy
-from aerial_il.algorithms.on_policy.settings import Rollout
+from aerial_il.algorithms.on_policy.settings import Rollout, require_deviation
 from aerial_il.algorithms.on_policy.shifting import ShiftActor, ShiftPilot
 from aerial_il.algorithms.online.problem import Source
 from aerial_il.algorithms.online.run import OnlineRun
@@ -84,7 +84,8 @@ class Residual(FromClone):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        require_positive(self, "reach", "hold", "noise")
+        require_positive(self, "reach", "hold")
+        require_deviation(self.noise)
 
     def flown(self, prior: ChunkPolicy) -> ChunkPolicy:
         """Return the prior, which flies as it would alone.

@@ -24,12 +24,11 @@ from typing import Literal
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.guiding import Guide
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, hold_last
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, squared_error, whole_chunks
 from aerial_il.policies.parts.normaliser import Scaling
 
 Target = Literal["sample", "velocity"]
@@ -91,11 +90,12 @@ class FlowNetwork(ChunkNetwork):
         self.denoiser = Denoiser(config.history * obs_size, self.noise_size, width=config.width, blocks=config.blocks)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        actions = hold_last(actions, valid)
+        actions, counts = whole_chunks(actions, valid)
         noise, time = torch.randn_like(actions), some_times(obs)
         place = (1 - time) * noise.flatten(1) + time * actions.flatten(1)
         answer = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
-        return functional.mse_loss(answer, actions if self.config.predict == "sample" else actions - noise), {}
+        target = actions if self.config.predict == "sample" else actions - noise
+        return squared_error(answer, target, counts), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
         x = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise

@@ -210,3 +210,23 @@ def test_an_error_says_how_episodes_are_given_words(
     assert f"aerial-il relabel DATASET {where} instruction=" in capsys.readouterr().err
     assert main(["relabel", str(own), where.replace('"', ""), "instruction='Fly to the mark'", QUIET]) == 0
     assert main([*train, f"run={tmp_path / 'run'}"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "settings"),
+    [
+        ("filtered_bc", ["rounds=1", "episodes=2", "between_steps=2", "training.steps=2", "training.validation=0"]),
+        ("residual", ["steps=200", "rollout.steps=64", "rollout.epochs=1"]),
+    ],
+)
+def test_a_prior_of_several_tasks_flies_or_is_refused_before_anything_is_flown(
+    run: Path, home: Path, tmp_path: Path, algorithm: str, settings: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [f"dataset={home / 'reach'}", f"algorithm={algorithm}", f"algorithm.prior={run}", "num_envs=2", QUIET]
+    code = main(["train", *words, *(f"algorithm.{word}" for word in settings), f"run={tmp_path / 'on'}"])
+    said = capsys.readouterr().err
+    if algorithm == "filtered_bc":
+        assert "Unknown" not in said, "it knows which of its tasks it flies"
+        return
+    assert code == 2
+    assert f"The prior {run} flies several tasks" in said

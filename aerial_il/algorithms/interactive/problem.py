@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 from aerial_il.algorithms.interactive.costs import FlightCosts
+from aerial_il.algorithms.run.folder import flown_in
 from aerial_il.algorithms.supervised.training_set import cut_windows, digest_of, read_demos
 from aerial_il.core.composition import plain
 from aerial_il.core.contracts import BatchEnv, Policy
@@ -98,11 +99,10 @@ class InteractiveProblem:
         """Return plain values that determine the run."""
         layout, _ = read_demos(demos, self.policy)
         origin, spec = self.origin(demos), self.env.spec
-        where = {key: getattr(spec, key) for key in ("robot", "task", "tier", "controller")}
         return {
             **origin,
             "dataset": {**origin["dataset"], "digest": digest_of(cut_windows(demos, layout, self.policy))},
-            "environment": {**where, "num_envs": self.env.num_envs},
+            "environment": {**flown_in(self.env), "num_envs": self.env.num_envs},
             "settings": plain(self.settings),
             **self.settings.inputs(spec),
             "policy": {"name": self.policy.name, **self.policy.to_dict()},

@@ -38,7 +38,7 @@ def from_reward_or_prior(settings: Algorithm, given: Given) -> Problem:
     source: str | None = getattr(settings, "prior", None)
     if source is None:
         return problem.from_reward(settings, given)
-    prior = load_prior(source, given.env.spec)
+    prior = load_prior(source, given.env.spec, alone=True)
     check_weights(prior, given.policy, source)
     if settings.obs_norm:
         raise InvalidValueError(OWN_NORM)

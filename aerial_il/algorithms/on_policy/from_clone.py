@@ -88,7 +88,7 @@ class FromClone(Algorithm):
         Raises:
             InvalidValueError: the prior cannot fly here or be trained, or demonstrations are longer than episodes.
         """
-        alone = load_prior(self.prior, given.env.spec) if self.prior else None
+        alone = load_prior(self.prior, given.env.spec, alone=True) if self.prior else None
         demos = shown(given.dataset or (), alone.config if alone else given.policy, given.env)
         inputs = self.inputs(given.env.spec, given.expert, demos)
         if alone is None:
@@ -113,9 +113,14 @@ class FromClone(Algorithm):
         """Return a prior, loaded or cloned, as the learner flies it: as a policy of single chunks.
 
         Raises:
-            InvalidValueError: its network cannot be trained by policy gradients.
+            InvalidValueError: its network cannot be trained by policy gradients, or not with this smoothness.
         """
         check_trainable(prior, self.prior)
+        if self.smoothness.temporal and prior.interface.layout.moving.any():
+            raise InvalidValueError(
+                f"algorithm.smoothness.temporal={self.smoothness.temporal:g} compares chunks counted from where "
+                "the tool is when each begins. Set it to 0, or train a clone with policy.anchor=null."
+            )
         config = replace(prior.config, execute=min(self.exploration.execute, prior.config.chunk), ensemble=None)
         return ChunkPolicy(config, prior.interface, prior.network, prior.origin)
 

@@ -62,7 +62,8 @@ def learn_on_policy(
         if decisions := judged(rollout, rewards, end_values, agent, settings):
             run.log({**agent.learn(decisions, left=run.left, improve=improve), "critic/value": decisions.value})
             run.log({"actor/fallbacks": float(not (improve or warming_up))} if gate else {})
-            run.log(hand_over.after_learning() if hand_over and improve else {})
+        if hand_over and ((decisions and improve) or not run.left):
+            run.log(hand_over.after_learning())
         pilot.standardise()
         run.end_turn()
     if hand_over:

@@ -1,9 +1,20 @@
 """Groups of settings that on-policy algorithms share by composition; each algorithm states their values itself."""
 
+import math
 from dataclasses import dataclass
 
-from aerial_il.core.checks import require_not_negative, require_positive, require_share
+from aerial_il.core.checks import require_integer, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.policies.squashed_gaussian import LOG_STD_HIGH, LOG_STD_LOW
+
+MOST_FLIGHTS = 100_000  # of a trial
+
+
+def require_deviation(noise: float) -> None:
+    """Raise :class:`InvalidValueError` unless ``noise`` is a standard deviation that can be flown and learned."""
+    if not LOG_STD_LOW < math.log(max(noise, 1e-99)) < LOG_STD_HIGH:
+        low, high = math.exp(LOG_STD_LOW), math.exp(LOG_STD_HIGH)
+        raise InvalidValueError(f"noise is {noise}; it must lie in ({low:.2g}, {high:.2g}).")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +53,8 @@ class Exploration:
     correlation: float
 
     def __post_init__(self) -> None:
-        require_positive(self, "execute", "noise")
+        require_positive(self, "execute")
+        require_deviation(self.noise)
         require_share(self, "correlation", below_one=True)
 
 
@@ -60,4 +72,4 @@ class Trial:
 
     def __post_init__(self) -> None:
         require_positive(self, "every")
-        require_not_negative(self, "flights")
+        require_integer("flights", self.flights, 0, MOST_FLIGHTS)

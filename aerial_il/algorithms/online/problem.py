@@ -14,6 +14,7 @@ from aerial_il.algorithms.online.collector import RewardScheme, Transition
 from aerial_il.algorithms.online.demonstrations import check_same, random_transitions, read_transitions
 from aerial_il.algorithms.online.interface import fit_interface, plain_interface
 from aerial_il.algorithms.online.rewarded_demonstrations import check_lengths, check_paid, with_rewards
+from aerial_il.algorithms.run.folder import flown_in
 from aerial_il.core.contracts import BatchEnv, Policy
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
@@ -74,8 +75,7 @@ class Problem:
     def describe(self) -> dict[str, Any]:
         """Return what determines the run besides its settings and policy."""
         spec, learned = self.env.spec, {"dataset": dict(self.dataset)} if self.dataset else {}
-        where = {"robot": spec.robot, "task": spec.task, "tier": spec.tier, "action": spec.action.level}
-        environment = {**where, "num_envs": int(self.env.num_envs)}
+        environment = {**flown_in(self.env), "action": spec.action.level, "num_envs": int(self.env.num_envs)}
         return {"algorithm": self.algorithm, "seed": self.seed, "environment": environment, **learned, **self.inputs}
 
 

@@ -33,12 +33,14 @@ from aerial_il.core.renamed import moved
 from aerial_il.policies import FINAL
 
 if TYPE_CHECKING:
+    from aerial_il.core.contracts import BatchEnv
     from aerial_il.policies.parts.chunk_policy import ChunkPolicy
 
 CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, start again with resume=false, or choose another run=NAME."
+ENVIRONMENT = "environment."  # earlier versions kept less of it, which is not compared
 PRIOR = "prior"  # folder of the clone that a run goes on from, which is trained before the run is opened
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
@@ -185,6 +187,12 @@ def _clear(path: Path) -> None:
         (path / name).unlink(missing_ok=True)
 
 
+def flown_in(env: BatchEnv) -> dict[str, Any]:
+    """Return what decides a run of the environment that it flies in, as plain values."""
+    of_spec = {key: getattr(env.spec, key) for key in ("robot", "task", "tier", "controller", "max_steps")}
+    return {**of_spec, "ends_at_success": bool(env.ends_at_success)}
+
+
 def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> None:
     """Write the configuration of a new run; refuse another one where there are results already."""
     text = yaml.dump(dict(config), Dumper=PlainDumper, sort_keys=False)
@@ -195,6 +203,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
                 f"{path} was started by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
                 "policy can be flown; to train on, choose another run=NAME, or start again with resume=false."
             )
+        now = {key: value for key, value in now.items() if key in before or not key.startswith(ENVIRONMENT)}
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)
             raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")

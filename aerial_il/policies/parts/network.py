@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
+from torch.nn import functional
 
 from aerial_il.core.checks import make_tuples, require_choice, require_positive, require_share
 from aerial_il.core.errors import InvalidValueError
@@ -190,11 +191,22 @@ def masked_mean(values: Tensor, valid: Tensor) -> Tensor:
     return (values.mean(-1) * valid).sum() / torch.clamp(valid.sum(), min=1.0)
 
 
-def hold_last(actions: Tensor, valid: Tensor) -> Tensor:
-    """Return ``actions`` (B, Ta, Da) with the last valid one in place of those after the end of the episode.
+def whole_chunks(actions: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
+    """Return ``actions`` (B, Ta, Da) without gaps, and (B, Ta, 1) which of them are learned from, 1 or 0.
 
-    A network that sees a chunk on its way to another must see whole ones, in training as in flight.
+    A network that sees a chunk on its way to another must see whole ones, in training as in flight: what has no label
+    (``valid`` (B, Ta) is 0) is the labelled one before it, or the first. After the last, where the episode is over, it
+    is learned from, as it is flown; in a gap, where nobody was asked, it is not.
     """
-    last = (valid.sum(-1, keepdim=True) - 1).clamp(min=0).long()
-    index = torch.minimum(torch.arange(actions.shape[1], device=actions.device), last)
-    return actions.gather(1, index[..., None].expand_as(actions))
+    place, labelled = torch.arange(actions.shape[1], device=actions.device), valid > 0.5
+    first = labelled.long().argmax(-1, keepdim=True)
+    last = torch.where(labelled, place, -1).amax(-1, keepdim=True)
+    index = torch.where(labelled, place, first).cummax(-1).values
+    counts = labelled | ((place > last) & (last >= 0))
+    return actions.gather(1, index[..., None].expand_as(actions)), counts[..., None].to(actions.dtype)
+
+
+def squared_error(answers: Tensor, targets: Tensor, counts: Tensor) -> Tensor:
+    """Return the mean squared error of ``answers`` (B, Ta, Da) where ``counts`` (B, Ta, 1) is 1."""
+    error = functional.mse_loss(answers * counts, targets * counts)
+    return error * (counts.numel() / counts.sum().clamp(min=1.0))

@@ -238,7 +238,10 @@ class _Place:
         return np.einsum("nh,nhi->ni", self.chance, self.mean)
 
     def deviation(self) -> np.ndarray:
-        return np.sqrt(np.einsum("nh,nhii->n", self.chance, self.cov) / 3.0)
+        """Return (n,) m, of an axis: how unsure each hypothesis is, and how far they are apart."""
+        apart = self.mean - self.estimate()[:, None]
+        within, between = np.einsum("nhii->nh", self.cov), np.einsum("nhi,nhi->nh", apart, apart)
+        return np.sqrt(np.einsum("nh,nh->n", self.chance, within + between) / 3.0)
 
 
 def _squared(missed: np.ndarray, cov: np.ndarray) -> np.ndarray:

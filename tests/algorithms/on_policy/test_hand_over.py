@@ -3,13 +3,17 @@
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from aerial_il.algorithms.on_policy import loop
+from aerial_il.algorithms.on_policy.settings import Exploration, Trial
 from aerial_il.algorithms.online.collector import Collector
 from aerial_il.algorithms.run.folder import read_metrics
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.layout import Layout
 from tests.algorithms.drift import SPEC, Drift, demonstrations, mean_reward
@@ -104,3 +108,34 @@ def test_flights_of_trials_count_as_flown(tmp_path: Path, prior: Path) -> None:
     rollouts = [after - before for before, after in pairwise(steps)]
     assert 128 in rollouts
     assert 128 + 64 < max(rollouts) <= 128 + 64 * 12
+
+
+@pytest.mark.parametrize("last", [True, False])
+def test_the_last_trial_is_held_whatever_becomes_of_the_last_rollout(
+    last: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was learned since the trial before it would be given up unflown."""
+    held: list[float] = []
+    passes, turns = iter([True, True, last]), iter([1.0, 0.5, 0.0])
+    run = SimpleNamespace(collector=SimpleNamespace(n=1), left=1.0, start=lambda *_: None, log=lambda _: None)
+
+    def goes_on() -> bool:
+        run.left = next(turns, None)
+        return run.left is not None
+
+    run.goes_on, run.end_turn = goes_on, lambda: None
+    rollout = SimpleNamespace(rewards=np.zeros((2, 1)), ended=np.zeros((2, 1), bool))
+    pilot = SimpleNamespace(flown=9, standardise=lambda: None, collect=lambda _: rollout)
+    hand_over = SimpleNamespace(after_learning=lambda: held.append(run.left) or {}, close=lambda: None)
+    gate = SimpleNamespace(passes=lambda *_, **__: next(passes))
+    agent = SimpleNamespace(learn=lambda *_, **__: {})
+    monkeypatch.setattr(loop, "judged", lambda *_: SimpleNamespace(value=0.0))
+    settings = SimpleNamespace(gamma=0.9, rollout=SimpleNamespace(steps=2))
+    loop.learn_on_policy(run, settings, pilot, agent, None, gate=gate, hand_over=hand_over)  # type: ignore[arg-type]
+    assert held == [1.0, 0.5, 0.0]
+
+
+@pytest.mark.parametrize(("noise", "flights"), [(0.005, 1), (9.0, 1), (0.1, 10**6), (0.1, -1)])
+def test_noise_that_would_not_be_flown_and_endless_trials_are_refused(noise: float, flights: int) -> None:
+    with pytest.raises(InvalidValueError, match=r"noise is .*\(0.0067, 7.4\)|flights is .* in \[0, 100000\]"):
+        Exploration(execute=1, noise=noise, correlation=0.0), Trial(flights=flights, every=1)

@@ -5,13 +5,15 @@ import os
 import signal
 import threading
 from collections.abc import Mapping
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-from aerial_il.algorithms.run.folder import CONFIG, PROVENANCE, RunFolder
+import aerial_il
+from aerial_il.algorithms.run.folder import CONFIG, PROVENANCE, RunFolder, flown_in
 from aerial_il.algorithms.run.signals import SignalWatch
 from aerial_il.core import checkpoint
 from aerial_il.core.checkpoint import Checkpoint
@@ -29,7 +31,7 @@ STARTED: Mapping[str, Any] = {
 
 def refusal(folder: Path, changed: Mapping[str, Any]) -> str:
     """Return how a run with some other values, key -> value or mapping, is refused where that of ``STARTED`` is."""
-    parts = {key: {**STARTED[key], **new} if isinstance(new, dict) else new for key, new in changed.items()}
+    parts = {key: {**STARTED.get(key, {}), **new} if isinstance(new, dict) else new for key, new in changed.items()}
     with pytest.raises(InvalidValueError) as caught, RunFolder.open(folder, {**STARTED, **parts}):
         pass
     return str(caught.value)
@@ -143,3 +145,19 @@ def test_handlers_come_back_and_other_threads_are_left_alone() -> None:
     thread.start()
     thread.join()
     assert seen == [None]
+
+
+def test_another_time_limit_is_another_run_and_what_earlier_versions_did_not_keep_is_not_compared(
+    started: Path,
+) -> None:
+    """Of an environment, they kept less: they go on, and what is there now is kept from then on."""
+    with ExitStack() as stack:
+        long, short = (
+            flown_in(stack.enter_context(closing(aerial_il.load_batch("quad", "hover", num_envs=1, horizon=horizon))))
+            for horizon in (None, 250)
+        )
+    assert (long["max_steps"], long["ends_at_success"]) == (1000, True)
+    assert (short["max_steps"], short["ends_at_success"]) == (250, False)
+    with RunFolder.open(started, {**STARTED, "environment": long}):
+        pass
+    assert "environment.max_steps: 1000 -> 250" in refusal(started, {"environment": short})

@@ -186,3 +186,14 @@ def test_what_is_looked_at_for_long_is_still_known():
         if step > 100:
             assert (tracker.deviations()["ball"] < 0.002).all()
     np.testing.assert_allclose(tracker.estimates()["ball"], 0.3 * np.sin(0.02 * 2999), atol=0.003)
+
+
+def test_where_it_is_undecided_what_an_object_does_its_place_is_unsure():
+    """The two hypotheses are each sure of a place, and these are 30 cm apart."""
+    tracker, tool = started(), np.zeros((2, 3))
+    for _ in range(20):
+        look(tracker, tool)
+    tracker.move(STILL, tool, tool + np.array([0.3, 0.0, 0.0]))
+    (cube,) = tracker.estimates()["cube"][:1]
+    assert 0.02 < cube[0] < 0.28, "a check that it has decided would tell nothing"
+    assert tracker.deviations()["cube"][0] > 0.02
