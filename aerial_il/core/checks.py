@@ -46,7 +46,7 @@ def require_share(settings: object, *names: str, below_one: bool = False) -> Non
 
 def require_integer(name: str, value: object, least: int, most: float = math.inf, hint: str = "") -> None:
     """Raise :class:`InvalidValueError` unless ``value`` is an integer between ``least`` and ``most``."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= value <= most:
+    if isinstance(value, bool) or not isinstance(value, Integral) or not least <= int(value) <= most:
         bounds = f"at least {least}" if most == math.inf else f"in [{least}, {most}]"
         raise InvalidValueError(f"{name} is {value!r}; it must be an integer, {bounds}. {hint}".rstrip())
 

@@ -97,9 +97,8 @@ def pilot(
     if note := tier_note(spec):
         log.warning("%s: %s It was trained under the older one.", source, note)
     if env is not None or (spec.is_outside and robot is None):
-        ours = {"robot": robot, "task": task, "action": action} if env else {}
-        options = {**outside.checked_options(spec), **chosen}
-        where = EnvironmentReference(env=env or key_of(spec), options=options, **ours)
+        ways = {**outside.checked_options(spec), **chosen}
+        where = EnvironmentReference(env=env or key_of(spec), options=ways, robot=robot, task=task, action=action)
         return _pilot(policy, source, where, chosen, None if env else spec)
     if task is None and len(known := tasks_of(spec)) > 1:
         raise InvalidValueError(f"{source} flies several tasks: choose one with task=... Valid: {', '.join(known)}.")

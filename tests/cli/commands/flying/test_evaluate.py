@@ -53,3 +53,22 @@ def test_a_sweep_of_evaluations_ends_with_a_ranking(
     policies = f"policy={sweep / 'one'},{sweep / 'two'}"
     assert main(["evaluate", "-m", policies, f"out={tmp_path}", "episodes=2", "videos=0", *ENV, *QUIET]) == 0
     assert "Holm" in capfd.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["evaluate", "policy=random", "robot=quad", "task=hover"], "leave out robot=quad task=hover"),
+        (["evaluate", "policy=random", "tier=gusts"], "tier=gusts is for the suite"),
+        (["evaluate", "policy=expert", "robot=quad", "task=hover"], "has no expert of its own"),
+        (["collect", "policy=random", "robot=quad", "tier=gusts"], "robot=quad tier=gusts is for the suite"),
+        (["collect", "policy=random", "cameras=[wrist]"], "cameras=('wrist',) is for the suite"),
+        (["collect", "policy=random", "expert.look=true"], "expert.look=True is for the suite"),
+    ],
+)
+def test_what_an_environment_from_outside_would_ignore_is_refused(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*words, *ENV, "episodes=1", f"out={tmp_path / 'out'}", *QUIET]) == 2
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
