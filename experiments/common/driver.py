@@ -54,12 +54,12 @@ class Driven:
         path = record.place("driven", self.label, self.decided_by())
         env, first, flown = self.environment(1), FIRST_SEED + SEEDS_PER_DRAW * self.draw, count
         try:
-            while (won := len(DatasetFolder(path).files(DEMOS))) < count:
+            while len(DatasetFolder(path).files(DEMOS)) < count:
                 if flown > 2 * count:
                     raise InvalidValueError(f"{path}: the driver fails too often to give {count} demonstrations.")
                 driver = DriverOperator(seed=self.draw)
                 driver.record(env, None, path, seeds=range(first, first + flown), tags={})
-                flown += count - won
+                flown += count - len(DatasetFolder(path).files(DEMOS))
         finally:
             env.close()
         dataset = aerial_il.open_dataset(str(path))

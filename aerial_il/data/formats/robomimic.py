@@ -48,6 +48,10 @@ def read(path: Path, wanted: Wanted) -> Source:
         group = child(path, file, "data", h5py.Group)
         demos = {name: child(path, group, name, h5py.Group) for name in numbered(group)}
         names = {str(demo.attrs.get("uid", name)): name for name, demo in demos.items()}
+        if len(names) < len(demos):
+            raise DemoError(
+                path, f"names {len(demos) - len(names)} of its {len(demos)} demonstrations as others by uid."
+            )
         ours = {uid for uid, name in names.items() if PRIVATE in demos[name]}
         robot, task, control_dt_s = _named(_env_args(group))
         filters = dict(_masks(path, file, {name: uid for uid, name in names.items()}))

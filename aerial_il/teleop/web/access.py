@@ -1,6 +1,7 @@
 """Who may come in: who knows the token, calls this machine by its own name, and comes from the page itself."""
 
 import hmac
+import re
 import secrets
 import socket
 from ipaddress import ip_address
@@ -9,6 +10,8 @@ from aiohttp import web
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 ANYWHERE = ("0.0.0.0", "::")
+USUAL_PORTS = {"http": 80, "https": 443}  # which browsers leave out
+_HOST = re.compile(r"(\[[^\]]*\]|[^:]*)(?::(\d{1,5}))?")
 
 
 class Access:
@@ -36,9 +39,10 @@ class Access:
 
     def is_addressed(self, request: web.Request) -> bool:
         """Whether the browser asked for this page by its whole address: a foreign name may be made to point here."""
-        host, _, port = request.host.lower().rpartition(":")
-        if port != str(self.port):
+        asked = _HOST.fullmatch(request.host.lower())
+        if asked is None or int(asked[2] or USUAL_PORTS[self._scheme]) != self.port:
             return False
+        host = asked[1]
         if self._host in LOOPBACK:
             return host in map(_bracketed, LOOPBACK)
         names = map(_bracketed, (*LOOPBACK, *own_names()))

@@ -21,6 +21,7 @@ from aerial_il.presentation.films.scene_renderer import obstacle
 from aerial_il.presentation.films.video import film_recording
 
 HOST, NAMES = "127.0.0.1", ("127.0.0.1", "localhost")
+USUAL_PORT = 80  # which browsers leave out
 MOST_BYTES = 8 << 20  # of a question
 HEADERS = {
     "Content-Security-Policy": (
@@ -124,7 +125,8 @@ class _Handler(BaseHTTPRequestHandler):
         """Whether who asks knows the token, calls this machine by its own name, and is no other page."""
         parts, host = urlsplit(self.path), self.headers.get("Host", "")
         given = parse_qs(parts.query).get("token", [""])[0]
-        named = host in {f"{name}:{self._home.server_port}" for name in NAMES}
+        port = self._home.server_port
+        named = host in {f"{name}:{port}" for name in NAMES} or (port == USUAL_PORT and host in NAMES)
         own = self.headers.get("Origin") in (None, f"http://{host}")
         return named and own and hmac.compare_digest(given.encode(), self._home.token.encode())
 

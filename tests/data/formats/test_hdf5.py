@@ -74,6 +74,13 @@ def test_a_success_that_time_ended_is_no_terminal(file: Path, tmp_path: Path) ->
             assert (raw["terminals"][-1], raw["timeouts"][-1]) == (not late, late)
 
 
+def test_demonstrations_of_one_name_are_not_lost_in_silence(file: Path) -> None:
+    with h5py.File(file, "a") as raw:
+        raw["data/demo_1"].attrs["uid"] = raw["data/demo_0"].attrs["uid"]
+    with pytest.raises(DemoError, match="names 1 of its 6 demonstrations as others by uid"):
+        open_dataset(file)
+
+
 def test_links_and_damage_are_refused(file: Path, tmp_path: Path) -> None:
     secret = tmp_path / "secret.bin"
     secret.write_bytes(bytes(800))

@@ -5,6 +5,7 @@ import json
 import ssl
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import aiohttp
 import pytest
@@ -13,6 +14,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.teleop.input.inbox import Inbox
 from aerial_il.teleop.session.session import State
 from aerial_il.teleop.web import guard
+from aerial_il.teleop.web.access import Access
 from aerial_il.teleop.web.guard import MAX_CONNECTIONS
 from aerial_il.teleop.web.server import MAX_DROPPED, MAX_VISITORS, Server
 from aerial_il.teleop.web.tls import fresh_certificate, own_certificate
@@ -245,3 +247,14 @@ def test_a_certificate_that_is_none_is_refused(tmp_path: Path) -> None:
         own_certificate(str(tmp_path / "c.pem"), str(tmp_path / "c.pem"))
     context, _ = fresh_certificate(["localhost"])
     assert context.minimum_version >= ssl.TLSVersion.TLSv1_2
+
+
+@pytest.mark.parametrize(("secure", "port"), [(False, 80), (True, 443)])
+def test_the_usual_port_is_left_out_by_browsers(secure: bool, port: int) -> None:
+    access = Access("127.0.0.1", secure=secure)
+    for served, hosts in ((port, ("localhost", f"localhost:{port}", "[::1]")), (8443, ("localhost:8443",))):
+        access.port = served
+        for host in hosts:
+            assert access.is_addressed(SimpleNamespace(host=host))  # type: ignore[arg-type]
+        for host in ("evil.example", "localhost:1", "localhost:", ""):
+            assert not access.is_addressed(SimpleNamespace(host=host))  # type: ignore[arg-type]
