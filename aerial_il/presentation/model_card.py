@@ -34,9 +34,7 @@ def model_card(
         "success": _success(result),
         "policy": f"{config.name}: sees {config.history} observations, answers {config.chunk} actions",
         "rate": f"{1 / spec.control_dt_s:g} Hz",
-        "commit": str(policy.origin.get("git", {}).get("sha", ""))
-        if isinstance(policy.origin.get("git"), dict)
-        else "",
+        "commit": _commit(policy),
     }
     parts = [
         _front_matter(title, license),
@@ -64,7 +62,7 @@ def model_card(
 
 def _commit(policy: ChunkPolicy) -> str:
     git = (policy.origin.get("provenance") or {}).get("git") or {}
-    return f"commit `{git['sha'][:10]}`" if "sha" in git else ""
+    return str(git.get("sha", ""))
 
 
 def _success(result: EvaluationResult | None) -> str:

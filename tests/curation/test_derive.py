@@ -83,7 +83,7 @@ def test_further_columns_are_filtered_by_and_kept(dataset: Path, tmp_path: Path)
 def test_what_any_source_says_of_a_shared_episode_is_kept(cranes: Recorded, tmp_path: Path) -> None:
     one, two = (Path(shutil.copytree(cranes(0, 4), tmp_path / name)) for name in ("one", "two"))
     first, second, *_ = sorted(uids(one))
-    write_column(one, "quality", {first: 0.9})
+    write_column(one, "quality", {first: 0.9, second: None})  # None says nothing
     write_column(two, "quality", {first: 0.2, second: 0.1})
     write_column(two, "cuts", {second: "cube:1-5"})
     assert main(["merge", str(one), str(two), f"out={tmp_path / 'both'}", QUIET]) == 0

@@ -12,6 +12,7 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.curation.selection import select
 from aerial_il.data.dataset import altered_files, open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
@@ -249,3 +250,18 @@ def test_an_export_is_made_anew_after_an_edit_and_after_it_was_taken_back(datase
             assert edit(words[0], dataset, *words[1:]) == 0
         assert edit("convert", dataset) == 0
         assert open_dataset(dataset / "derived" / "lerobot")[0].instruction == now
+
+
+def test_what_some_flights_alone_say_can_be_asked_for(dataset: Path) -> None:
+    last = open_dataset(dataset, failures=True).uids[-1]
+    assert edit("relabel", dataset, f"where=uid == '{last}'", "tag=odd") == 0
+    (row,) = select(open_dataset(dataset, failures=True), "relabelled != None")
+    assert row["uid"] == last
+
+
+def test_a_crash_is_not_called_a_success(dataset: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """No reader would believe it, and the flight would be gone from every training."""
+    before = digests(dataset)
+    assert edit("relabel", dataset, "where=failure == 'crash'", "success=true") == 2
+    assert "ended in a crash. Leave such out: where=\"failure != 'crash'\"" in capsys.readouterr().err
+    assert digests(dataset) == before

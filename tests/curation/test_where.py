@@ -28,6 +28,8 @@ ORIGIN = {"settings": {"noise": 0.3, "deep": {"er": 2}}, "mujoco": "3.3", "phase
         ("settings['none'] == 1 or settings['none']['deeper'] == 1", False),
         ("'grasp' in phases and mujoco == '3.3'", True),
         ("score > 1 or score < 1 or score + 1 > 0", False),
+        ("-score < 0 or +score > 0 or score in operator", False),
+        ("score not in operator", True),
         ("seconds > 1 or steps > 'text'", True),
     ],
 )

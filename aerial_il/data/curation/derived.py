@@ -176,7 +176,7 @@ def _write_columns(folder: DatasetFolder, chosen: Sequence[Chosen]) -> None:
     for each in chosen:
         for name, values in read_columns(each.dataset.path).items():
             said = {each.name(uid): value for uid, value in values.items()}
-            columns[name] = {uid: said[uid] for uid in kept if uid in said} | columns.get(name, {})
+            columns[name] = {uid: said[uid] for uid in kept if said.get(uid) is not None} | columns.get(name, {})
     for name, values in columns.items():
         with storing(folder.path / name):
             write_column(folder.path, name, values)

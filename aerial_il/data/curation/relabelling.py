@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import NO_CONTROLLER
 from aerial_il.data.folder import DEMOS, FAILURES
 from aerial_il.data.provenance import HUMAN, INSTRUCTION, instruction_of, operator_of
 from aerial_il.data.recording.reader import Head, check_channels, read_head, read_outcome
@@ -45,12 +46,17 @@ def check_given(rows: Iterable[Row], labels: Labels) -> None:
     """Refuse labels that say nothing, or that not all of these episodes can have.
 
     Raises:
-        InvalidValueError: nothing is given, or an operator to an episode that no person flew.
+        InvalidValueError: nothing is given, or an operator to an episode that no person flew, or success to one that
+            ended in a crash, which no reader would believe.
     """
     if not labels.given:
         raise InvalidValueError("Say what to change: success=, operator=, instruction= or tag=.")
-    for row in rows if labels.operator is not None else ():
-        if not row["operator"]:
+    for row in rows:
+        if labels.success and row["failure"] == "crash" and row["controller"] != NO_CONTROLLER:
+            raise InvalidValueError(
+                f"success=true: {row['uid']} ended in a crash. Leave such out: where=\"failure != 'crash'\"."
+            )
+        if labels.operator is not None and not row["operator"]:
             raise InvalidValueError(
                 f"operator={labels.operator}: {row['uid']} was flown by {row['policy']}, not by a person. "
                 "Leave such out: where=\"operator != ''\"."

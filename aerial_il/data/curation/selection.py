@@ -1,9 +1,9 @@
 """Choose episodes by a condition on their rows in the table, or on their provenance."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-from aerial_il.core.errors import DemoError, InvalidValueError
+from aerial_il.core.errors import DemoError, InvalidValueError, UnknownNameError
 from aerial_il.core.progress import Progress
 from aerial_il.data.curation.where import Where
 from aerial_il.data.dataset import Dataset
@@ -25,8 +25,7 @@ def select(dataset: Dataset, where: str, *, progress: bool = False) -> list[Row]
     rows = read_table(dataset, progress=progress)
     if not rows:
         raise InvalidValueError(f"{dataset.path} has no episode that can be read.")
-    first = _origin(dataset, rows[0]["uid"])
-    condition.require(rows[0], first)
+    _require(condition, dataset, rows)
     clauses, needs_origin = condition.clauses, bool(condition.mappings or condition.names - rows[0].keys())
     chosen, counts = list[Row](), [0] * len(clauses)
     for row in Progress(rows, desc="select", unit="ep", disable=not progress):
@@ -60,3 +59,16 @@ def _origin(dataset: Dataset, uid: str) -> Mapping[str, Any]:
     """Return the provenance of an episode, with a note even where it has none."""
     file = dataset.files.get(uid)
     return {"note": "", **(dataset[uid].provenance if file is None else read_origin(file))}
+
+
+def _require(condition: Where, dataset: Dataset, rows: Sequence[Row]) -> None:
+    """Refuse names that no episode knows, neither in the table nor in its provenance."""
+    known: dict[str, Any] = {}
+    for row in rows:
+        known |= {name: value for name, value in _origin(dataset, row["uid"]).items() if value is not None}
+        try:
+            condition.require(row, known)
+        except UnknownNameError:
+            continue
+        return
+    condition.require(rows[0], known)

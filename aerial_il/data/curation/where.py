@@ -166,7 +166,10 @@ def _value(node: ast.expr, row: Mapping[str, Any], origin: Mapping[str, Any]) ->
             return all(values) if isinstance(node.op, ast.And) else any(values)
         case ast.UnaryOp():
             inner = _value(node.operand, row, origin)
-            return not inner if isinstance(node.op, ast.Not) else _SIGNS[type(node.op)](_number(inner))
+            if isinstance(node.op, ast.Not):
+                return not inner
+            number = _number(inner)
+            return None if number is None else _SIGNS[type(node.op)](number)
         case ast.BinOp():
             left, right = (_number(_value(each, row, origin)) for each in (node.left, node.right))
             return None if left is None or right is None else _ARITHMETIC[type(node.op)](left, right)
@@ -181,7 +184,7 @@ def _compared(node: ast.Compare, row: Mapping[str, Any], origin: Mapping[str, An
     for op, left, right in zip(node.ops, values, values[1:], strict=False):
         if type(op) in _ORDER and (left is None or right is None):
             return False
-        if isinstance(op, (ast.In, ast.NotIn)) and right is None:
+        if isinstance(op, (ast.In, ast.NotIn)) and (right is None or (left is None and isinstance(right, str))):
             right = ()
         if not (_ORDER.get(type(op)) or _SAME[type(op)])(left, right):
             return False

@@ -61,8 +61,11 @@ class PreferenceFile:
             raise
         self.preferences = [preference for preference, _ in held]
         self._file.truncate(held[-1][1] if held else 0)
+        self._file.seek(0, os.SEEK_END)
         if not held:
             self._write(HEADER)
+        elif not _ends_a_line(path):  # as an editor may leave it
+            self._file.write(b"\n")
 
     def __enter__(self) -> PreferenceFile:
         return self
@@ -81,6 +84,10 @@ class PreferenceFile:
         os.fsync(self._file.fileno())
 
 
+def _ends_a_line(path: Path) -> bool:
+    return read_text(path).endswith("\n")
+
+
 def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preference, int]]:
     """Return each preference, and the number of bytes up to its end."""
     try:
@@ -91,11 +98,14 @@ def _lines(path: Path, lengths: Mapping[str, int] | None) -> list[tuple[Preferen
         raise DemoError(path, f"cannot be read ({error}).", hint=MAKE) from error
     found, end = list[tuple[Preference, int]](), 0
     for number, line in enumerate(lines, start=1):
-        if not line.endswith("\n"):
-            break
         end += len(line.encode())
         try:
             tree = parse_json(line)
+        except ValueError as error:
+            if not line.endswith("\n"):
+                break  # cut short by a kill
+            raise DemoError(path, f"line {number} cannot be used ({error}).", hint=MAKE) from error
+        try:
             if number == 1:
                 if tree != HEADER:
                     raise InvalidValueError(f"a file of preferences begins with {json.dumps(HEADER)}")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.bounded import parse_json
+from aerial_il.core.computer import MEMORY_MB, free_memory_bytes
 from aerial_il.core.errors import AerialError, DemoError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.check import Gate, require_whole
@@ -29,7 +30,7 @@ from aerial_il.data.recording.writer import EPISODE, MODEL, OUTCOME, PROVENANCE
 _EXTRA_NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
 MAX_ELEMENTS = 100_000  # numbers of one step, all fields together; keeps a forged specification from allocating
 MAX_PIXELS = 16_000_000  # of all cameras together
-MAX_DECODED = 1 << 30  # pixels of one camera in one episode
+MAX_DECODED = MEMORY_MB << 20  # bytes of one camera in one episode
 
 
 @dataclass(frozen=True)
@@ -249,8 +250,13 @@ def _made_of(path: Path, text: str) -> dict[str, Any]:
 
 def _decode(report: Report, camera: Camera, compressed: list[bytes]) -> np.ndarray:
     """Decode the images of one camera to (T + 1, *shape)."""
-    if (size := len(compressed) * math.prod(camera.shape)) > MAX_DECODED:
-        report.fail("has more pixels than can be held.", camera.name, expected=f"at most {MAX_DECODED}", got=size)
+    size = len(compressed) * math.prod(camera.shape) * np.dtype(camera.dtype).itemsize
+    if size > max(MAX_DECODED, free_memory_bytes() // 2):
+        limit = f"at most {MAX_DECODED >> 20} MB, or half of the memory that is free"
+        report.fail(
+            "has more pixels than can be held: record smaller images or fewer, image_size=[H,W] or NAME@HxW@10Hz.",
+            camera.name, expected=limit, got=f"{size >> 20} MB",
+        )  # fmt: skip
     decoded = []
     for i, data in enumerate(compressed):
         try:

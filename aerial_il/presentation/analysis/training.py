@@ -76,7 +76,7 @@ def _where(run: TrainingRun) -> dict[str, Any]:
     judged = next(iter(run.judged.values()), None)
     place = _part(run.config, "environment") or _spec(run) or (vars(judged) if judged else {})
     robot, task, tier = (place.get(key) for key in ("robot", "task", "tier"))
-    outside = robot in ("gymnasium", "dm_env")
+    outside = robot in ("gymnasium", "dm_env", "dm_control")
     named = f"{robot}:{task}" if outside else "suite" if robot else None
     return {"environment": named, "robot": robot, "task": task, "tier": tier}
 

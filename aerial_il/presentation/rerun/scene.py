@@ -46,7 +46,7 @@ def _log_forces(log: Log, motion: Motion) -> None:
         rotors = np.full(states, motion.thrust.shape[1])
         arrows = motion.thrust_pos.reshape(-1, 3), M_PER_N * motion.thrust.reshape(-1, 3)
         _log_arrows(log, "forces/thrust", rotors, *arrows, colour=palette.THRUST)
-    if len(contacts.points):
+    if len(contacts.points) or states == 1:  # live, an arrow stays until it is told that there is none
         arrows = contacts.points, M_PER_N * contacts.forces
         _log_arrows(log, "forces/contact", contacts.counts, *arrows, colour=palette.CONTACT)
     if motion.wind is not None:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from aerial_il.core.checks import require_integer
 from aerial_il.core.contracts import BatchEnvBase, StepResult
 from aerial_il.core.errors import InvalidValueError, SimulationDivergedError
 from aerial_il.core.seeding import seeds_of
@@ -68,7 +69,9 @@ class OutsideBatch(BatchEnvBase):
         self.num_envs, self.ends_at_success = num_envs, ends_at_success
         self._worlds = [make_world() for _ in range(num_envs)]
         first = self._worlds[0]
-        steps = max_steps or first.max_steps
+        if max_steps is not None:
+            require_integer("max_steps", max_steps, 1)
+        steps = first.max_steps if max_steps is None else max_steps
         if steps is None or steps < 1:
             raise InvalidValueError(f"{source}:{name} has no time limit of its own; give max_steps=N.")
         self._states = _states_of(first)

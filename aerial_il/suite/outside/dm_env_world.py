@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +13,7 @@ from dm_env import specs
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.goals import GoalSpec
 from aerial_il.core.specs import ActionSpec, Field, ObservationSpec
-from aerial_il.suite.outside.gymnasium_world import DEFAULT_DT_S, bounded
+from aerial_il.suite.outside.gymnasium_world import DEFAULT_DT_S, bounded, is_image
 from aerial_il.suite.outside.world import Outcome
 
 MakeEnv = Callable[[int], dm_env.Environment]
@@ -40,6 +41,8 @@ class DmEnvWorld:
     def reset(self, seed: int) -> Outcome:
         self._env.close()
         self._env = self._make(seed)
+        if hasattr(self._env, "_step_limit"):
+            self._env._step_limit = math.inf  # the batch keeps the time
         return Outcome(self._named(self._env.reset().observation))
 
     def executed(self, action: np.ndarray) -> np.ndarray:
@@ -98,6 +101,6 @@ def _is_mapping(shown: Any) -> bool:
 
 
 def _field(name: str, spec: Any) -> Field:
-    if len(spec.shape) == 3 and spec.dtype == np.uint8:
+    if is_image(name, spec.shape, spec.dtype):
         return Field(name, spec.shape, "image", "uint8")
     return Field(name, spec.shape or (1,), "task" if "target" in name or "goal" in name else "proprio")

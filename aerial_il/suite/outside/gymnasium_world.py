@@ -27,7 +27,8 @@ class GymnasiumWorld:
 
     def __init__(self, name: str, settings: Mapping[str, Any]) -> None:
         self._env = make(name, settings)
-        registered = gymnasium.spec(name.rpartition(":")[2])  # its module, if it names one, is imported by now
+        made = self._env.spec  # of the newest version, where the name says none
+        registered = gymnasium.spec(made.id if made else name.rpartition(":")[2])
         self.max_steps: int | None = registered.max_episode_steps
         self.observation = observation_spec(self._env.observation_space)
         self.action = action_spec(self._env.action_space, actuators(self._env.unwrapped))
@@ -57,7 +58,12 @@ class GymnasiumWorld:
         look = getattr(self._env.unwrapped, "_get_obs", None)
         if look is None or self._env.unwrapped.observation_space != self._env.observation_space:
             raise InvalidValueError(f"{self._env} does not say what it shows after its state was set.")
-        return self._named(look())
+        try:
+            return self._named(look())
+        except TypeError as error:
+            raise InvalidValueError(
+                f"{self._env} cannot say what it shows after its state was set ({error})."
+            ) from error
 
     def physics(self) -> tuple[Any, Any] | None:
         inner: Any = self._env.unwrapped
@@ -168,9 +174,24 @@ def control_dt_s(env: gymnasium.Env[Any, Any]) -> float:
     return 1.0 / frames if frames else DEFAULT_DT_S
 
 
+def is_image(name: str, shape: tuple[int, ...], dtype: Any) -> bool:
+    """Return whether an observation is an image.
+
+    Raises:
+        InvalidValueError: it looks like one of another kind than (H, W, 3).
+    """
+    pictured = len(shape) == 3 and np.dtype(dtype) == np.uint8
+    if pictured and shape[-1] != 3:
+        raise InvalidValueError(
+            f"Observation {name!r} is of uint8 and {shape}; an image is (height, width, 3). Wrap the environment "
+            "in one that shows three colours last."
+        )
+    return pictured
+
+
 def _field(name: str, space: spaces.Space[Any]) -> Field:
     if isinstance(space, spaces.Box):
-        pictured = len(space.shape) == 3 and space.dtype == np.uint8
+        pictured = is_image(name, space.shape, space.dtype)
         group: Group = "image" if pictured else "task" if "goal" in name else "proprio"
         return Field(name, space.shape or (1,), group, "uint8" if pictured else "float64")
     flat = spaces.flatten_space(space)

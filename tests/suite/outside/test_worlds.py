@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from typing import Any
 
 import gymnasium
@@ -249,3 +250,32 @@ def test_a_dm_env_of_ones_own_is_flown() -> None:
     assert (result.robot, result.task) == ("dm_env", "pendulum")
     assert [e.steps for e in result.episodes] == [5, 5, 5]
     assert outside.key_of(env.spec) is None, "only who made it can make it again"
+
+
+class Pictured(gymnasium.Env[Any, Any]):
+    """Shows pictures of a shape."""
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self.observation_space, self.action_space = spaces.Box(0, 255, shape, np.uint8), spaces.Discrete(2)
+
+
+@pytest.mark.parametrize("shape", [(84, 84, 1), (84, 84, 4), (3, 84, 84)])
+def test_pictures_that_cannot_be_recorded_are_refused_before_anything_is_flown(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InvalidValueError, match=r"uint8 and \(.*an image is \(height, width, 3\)"):
+        observation_spec(Pictured(shape).observation_space)
+    assert observation_spec(Pictured((84, 84, 3)).observation_space).fields[0].group == "image"
+
+
+def test_a_longer_time_limit_than_its_own_is_flown() -> None:
+    with closing(outside.load_dm_control("cartpole-balance", num_envs=1, max_steps=1003)) as env:
+        env.reset(0)
+        ends = [bool(env.step(np.zeros((1, 1))).truncated[0]) for _ in range(1003)]
+    assert ends == [False] * 1002 + [True]
+    for wrong in (0, -1, 2.5):
+        with pytest.raises(InvalidValueError, match=f"max_steps is {wrong}; it must be an integer, at least 1"):
+            outside.load_dm_control("cartpole-balance", num_envs=1, max_steps=wrong)
+
+
+def test_an_environment_without_a_version_is_the_newest() -> None:
+    with closing(aerial_il.load_gymnasium("CartPole", num_envs=1)) as env:
+        assert env.spec.max_steps == 500
