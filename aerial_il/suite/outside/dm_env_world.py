@@ -42,7 +42,7 @@ class DmEnvWorld:
         self._env.close()
         self._env = self._make(seed)
         if hasattr(self._env, "_step_limit"):
-            self._env._step_limit = math.inf  # the batch keeps the time
+            vars(self._env)["_step_limit"] = math.inf  # the batch keeps the time
         return Outcome(self._named(self._env.reset().observation))
 
     def executed(self, action: np.ndarray) -> np.ndarray:
