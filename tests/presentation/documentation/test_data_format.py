@@ -87,7 +87,7 @@ def test_features_of_the_lerobot_form(spec: EnvSpec) -> None:
 
 
 def test_private_group_of_the_hdf5_form() -> None:
-    assert set(column("Derived: HDF5")) == {*robomimic.EXTRA, "final_state"}
+    assert set(column("Derived: HDF5")) == {"actions", *robomimic.EXTRA, "final_state"}
     assert all(f"`{name}`" in section("Derived: HDF5") for name in (*robomimic.COLUMNS, robomimic.DIGEST))
 
 
