@@ -183,7 +183,7 @@ def _kept(settings: Teleop, logbook: Logbook) -> Kept:
 
 
 def _hardware(words: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``."""
+    """Return device -> its settings, of words ``DEVICE.SETTING:VALUE``; numbers are read as such."""
     chosen: dict[str, dict[str, Any]] = {}
     for word in words:
         (name, _, value), problem = word.partition(":"), f"hardware={word}: write DEVICE.SETTING:VALUE"

@@ -116,7 +116,10 @@ def test_a_tier_is_fixed_and_describes_itself_in_plain_values() -> None:
         ("hard--wind", "Unknown tier component ''"),
         ("gusts+payload+wind", "has wind anyway; its components: wind, payload, noise"),
         ("calm-payload", "has no payload anyway; its components: noise"),
-        ("calm+wind:9", "wind:9 is not possible: its strength is a number from 0 to 3 (times the change of drag in `gusts`)"),
+        (
+            "calm+wind:9",
+            "wind:9 is not possible: its strength is a number from 0 to 3 (times the change of drag in `gusts`)",
+        ),
         ("calm+wind:nan", "its strength is a number from 0 to 3"),
         ("calm+wind:", "its strength is a number from 0 to 3"),
         ("calm+latency:1.5", "A latency of 1.5 control steps is not possible"),

@@ -1,5 +1,6 @@
 """A page about a folder that people fly into: its episodes with pictures, their length and smoothness, by operator."""
 
+import logging
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from aerial_il.presentation.pages.charts import Figure, histogram
 from aerial_il.presentation.pages.page import data_of, page_text
 from aerial_il.presentation.studio.studio import QUICK
 
+log = logging.getLogger(__name__)
 PAGE = "session.html"
 MOST_PICTURES = 60  # of the episodes recorded last, so that the page stays small
 SHARES = (0.0, 0.5, 1.0)  # of an episode, of which pictures are shown
@@ -61,6 +63,15 @@ class Row:
     total_s: float
 
 
+def _readable(file: Path) -> Episode | None:
+    """Return the episode of a recording, or nothing, with a word, where it is damaged."""
+    try:
+        return read_episode(file)
+    except DemoError as error:
+        log.warning("%s It is left out of the page.", error)
+        return None
+
+
 def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -> str:
     """Return the page about a dataset folder, complete in itself.
 
@@ -79,7 +90,9 @@ def session_page(folder: str | os.PathLike[str], commands: Sequence[str] = ()) -
     if not files:
         hint = f"Fly some: aerial-il teleop robot=R task=T out={folder}"
         raise DemoError(folder, "holds no recording to summarise.", hint=hint)
-    episodes = [read_episode(file) for file in files]
+    episodes = [episode for file in files if (episode := _readable(file)) is not None]
+    if not episodes:
+        raise DemoError(folder, "holds no recording that can be read.", hint=f"See: aerial-il validate {folder}")
     pictures = thumbnails(episodes[:MOST_PICTURES])
     takes = [take_of(each, shown) for each, shown in zip(episodes, pictures, strict=False)]
     takes += [take_of(each) for each in episodes[MOST_PICTURES:]]

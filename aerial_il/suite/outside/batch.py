@@ -7,7 +7,7 @@ asks for an end at the first success.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -128,8 +128,18 @@ class OutsideBatch(BatchEnvBase):
         for i in worlds:
             self.seeds[i], self._steps[i], self._counts[i], self._returns[i] = each[i], 0, 0, 0.0
             self._show(i, self._worlds[i].reset(int(each[i])))
+        self._forget(worlds)
         self._check(worlds)
         return self.observe()
+
+    def _forget(self, worlds: Sequence[int]) -> None:
+        """Have worlds that begin an episode answer nothing of the one before; who was told that keeps it."""
+        last = self._last
+        told = [each.copy() for each in (last.reward, last.terminated, last.truncated)]
+        info = {name: values.copy() for name, values in last.info.items()}
+        for values in (*told, *info.values()):
+            values[worlds] = 0
+        self._last = StepResult(self._obs, *told, info)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
         """Take one step; worlds outside ``mask`` (n,) bool stand still and answer what they last answered.

@@ -1,6 +1,7 @@
 """The summary of a folder that people fly into, read back from its page."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,14 @@ def test_it_sums_up_by_operator_and_stands_alone(folder: Path) -> None:
 def test_a_folder_without_recordings_says_how_to_go_on(tmp_path: Path) -> None:
     with pytest.raises(DemoError, match="aerial-il teleop"):
         session_page(tmp_path)
+
+
+def test_a_damaged_recording_is_left_out(folder: Path, tmp_path: Path) -> None:
+    copy = Path(shutil.copytree(folder, tmp_path / "copy"))
+    first = next(file for kind in ("demos", "failures") for file in DatasetFolder(copy).files(kind))
+    first.write_bytes(first.read_bytes()[:-40])
+    page = session_page(copy)
+    assert "2 flights by hand" in page
 
 
 def test_jerk_is_that_of_a_known_path(folder: Path) -> None:

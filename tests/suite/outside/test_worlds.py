@@ -279,3 +279,16 @@ def test_a_longer_time_limit_than_its_own_is_flown() -> None:
 def test_an_environment_without_a_version_is_the_newest() -> None:
     with closing(aerial_il.load_gymnasium("CartPole", num_envs=1)) as env:
         assert env.spec.max_steps == 500
+
+
+def test_an_episode_answers_nothing_of_the_one_before() -> None:
+    with closing(cart(2)) as env:
+        env.reset(0)
+        told = [env.step(np.tile([1.0, 0.0], (2, 1))) for _ in range(30)]
+        lost = told[-1].terminated
+        assert lost.any(), "it falls"
+        env.reset(5, np.array([True, False]))
+        again = env.step(np.tile([1.0, 0.0], (2, 1)), np.array([False, True]))
+        assert (again.terminated[0], again.reward[0], again.info["success"][0]) == (False, 0.0, False)
+        assert told[-1].terminated is lost
+        assert told[-1].terminated[0], "what was told stays as it was told"
