@@ -53,8 +53,8 @@ def seeds_of(seeds: np.ndarray | Sequence[int] | int, n: int) -> np.ndarray:
     """
     given = np.asarray(seeds)
     if given.dtype.kind not in "iu":
-        raise InvalidValueError(f"seeds are integers, got {seeds!r}.")
-    each = given + np.arange(n) if given.ndim == 0 else given
+        raise InvalidValueError(f"seeds are integers from 0 to 2**53 - 1, got {seeds!r}.")
+    each = np.array([int(given) + i for i in range(n)]) if given.ndim == 0 else given
     if each.shape != (n,):
         raise InvalidValueError(f"seeds is one integer or has one entry per world, ({n},), got {each.shape}.")
     return each

@@ -84,7 +84,7 @@ class Windows:
         self.image_names = tuple(images)
         self.frames = {name: [_image(e, name) for e in chosen] for name in self.image_names}
         known = [_known(e, target) for e in chosen]
-        steps = np.array([len(each) for each in known])
+        steps = self._steps = np.array([len(each) for each in known])
         obs = _joined((_obs(e, self.obs_names) for e in chosen), steps, dtype, before=history - 1)
         actions = _joined((_target(e, target) for e in chosen), steps, dtype, after=chunk - 1)
         self.lengths = np.array([int(each.sum()) for each in known])
@@ -122,6 +122,10 @@ class Windows:
             actions.reshape(len(index), self.chunk, self._actions.shape[1]),
             self._is_pad_runs[self._action_row[index]],
         )
+
+    def is_over(self, index: np.ndarray) -> np.ndarray:
+        """Return (B, Ta) bool: which actions of the windows at ``index`` (B,) lie beyond the end of their episode."""
+        return self._step[index, None] + np.arange(self.chunk) >= self._steps[self.episode[index], None]
 
     def present(self, index: np.ndarray) -> np.ndarray:
         """Gather the last observations (B, Do) of the windows at ``index`` (B,)."""

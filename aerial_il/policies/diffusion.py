@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
@@ -34,7 +34,7 @@ from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.guiding import Guide
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, squared_error, whole_chunks
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, squared_error, without_gaps
 from aerial_il.policies.parts.normaliser import Scaling
 
 Sampler = Literal["ddim", "ddpm"]
@@ -81,6 +81,8 @@ class Diffusion(PolicySettings):
     clip: float = 10.0
     redraw: bool = True
 
+    holds_its_end: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_choice(self, "sampler", Sampler)
@@ -110,14 +112,14 @@ class DiffusionNetwork(ChunkNetwork):
         self.noise_size, self.redraws = draws * self.columns, config.redraw
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        actions, counts = whole_chunks(actions, valid)
+        actions = without_gaps(actions, valid)
         noise = torch.randn_like(actions)
         step = torch.randint(1, self.config.noise_steps + 1, (obs.shape[0], 1), device=obs.device)
         kept = self.get_buffer("kept")[step]
         noisy = kept.sqrt() * actions.flatten(1) + (1 - kept).sqrt() * noise.flatten(1)
         answer = self.denoiser(noisy, step / self.config.noise_steps, self.denoiser.see(obs.flatten(1)))
         target = self._target(actions.flatten(1), noise.flatten(1), kept)
-        return squared_error(answer.unflatten(-1, self.shape), target.unflatten(-1, self.shape), counts), {}
+        return squared_error(answer.unflatten(-1, self.shape), target.unflatten(-1, self.shape), valid), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
         noise = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise

@@ -20,7 +20,7 @@ Flow Model for General Robot Control", 2024, appendix B (velocity; times with s 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import torch
 from torch import Tensor
@@ -28,7 +28,7 @@ from torch import Tensor
 from aerial_il.core.checks import require_choice, require_positive
 from aerial_il.policies.parts.denoiser import Denoiser
 from aerial_il.policies.parts.guiding import Guide
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, squared_error, whole_chunks
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, squared_error, without_gaps
 from aerial_il.policies.parts.normaliser import Scaling
 
 Target = Literal["sample", "velocity"]
@@ -69,6 +69,8 @@ class Flow(PolicySettings):
     clip: float = 5.0
     redraw: bool = True
 
+    holds_its_end: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_choice(self, "predict", Target)
@@ -90,12 +92,12 @@ class FlowNetwork(ChunkNetwork):
         self.denoiser = Denoiser(config.history * obs_size, self.noise_size, width=config.width, blocks=config.blocks)
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        actions, counts = whole_chunks(actions, valid)
+        actions = without_gaps(actions, valid)
         noise, time = torch.randn_like(actions), some_times(obs)
         place = (1 - time) * noise.flatten(1) + time * actions.flatten(1)
         answer = self.denoiser(place, time, self.denoiser.see(obs.flatten(1))).unflatten(-1, self.shape)
         target = actions if self.config.predict == "sample" else actions - noise
-        return squared_error(answer, target, counts), {}
+        return squared_error(answer, target, valid), {}
 
     def forward(self, obs: Tensor, noise: Tensor | None = None, guide: Guide | None = None) -> Tensor:
         x = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, STATE
-from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, whole_chunks
+from aerial_il.policies.parts.network import ChunkNetwork, Encoder, PolicySettings, without_gaps
 from aerial_il.policies.parts.normaliser import Scaling
 
 THEIRS = (
@@ -37,7 +37,6 @@ class LerobotDiffusion(PolicySettings):
         diffusion_step_embed_dim: width of the encoded noise level.
         num_train_timesteps: noise levels.
         num_inference_steps: noise levels visited in flight.
-        redraw: draw noise anew for each chunk rather than once per episode.
     """
 
     history: int = 1
@@ -60,7 +59,6 @@ class LerobotDiffusion(PolicySettings):
     diffusion_step_embed_dim: int = 64
     num_train_timesteps: int = 100
     num_inference_steps: int = 10
-    redraw: bool = True
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -108,14 +106,14 @@ class LerobotDiffusionNetwork(ChunkNetwork):
             )
         )
         self.shape = (config.horizon, action_size)
-        self.noise_size, self.redraws = config.horizon * action_size, config.redraw
+        self.noise_size = config.horizon * action_size
 
     def forward(self, obs: Tensor, noise: Tensor | None = None) -> Tensor:
         start = obs.new_zeros(obs.shape[0], self.noise_size) if noise is None else noise.clone()
         return self.policy.diffusion.generate_actions(_batch(obs), noise=start.unflatten(1, self.shape))
 
     def loss(self, obs: Tensor, actions: Tensor, valid: Tensor) -> tuple[Tensor, dict[str, Tensor]]:
-        missing, (actions, _) = self.policy.config.horizon - self.chunk, whole_chunks(actions, valid)
+        missing, actions = self.policy.config.horizon - self.chunk, without_gaps(actions, valid)
         actions = torch.cat([actions, actions[:, -1:].expand(-1, missing, -1)], dim=1)
         padding = torch.cat([valid < 0.5, valid.new_ones(len(valid), missing) > 0], dim=1)
         loss, _ = self.policy({**_batch(obs), ACTION: actions, "action_is_pad": padding})

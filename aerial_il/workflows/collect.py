@@ -162,7 +162,8 @@ def _check_outside(settings: Collect) -> None:
     asked = {
         name: getattr(settings, name) for name in OF_THE_SUITE if getattr(settings, name) != getattr(Collect, name)
     }
-    own = replace(settings.expert, noise=Expert.noise)
+    from_file = (settings.policy or "").endswith(".npz")  # an expert's, which knows noise
+    own = replace(settings.expert, noise=Expert.noise) if from_file else settings.expert
     asked |= {f"expert.{name}": value for name, value in asdict(own).items() if value != getattr(Expert, name)}
     if asked:
         said = " ".join(f"{name}={value}" for name, value in asked.items())

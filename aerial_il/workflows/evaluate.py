@@ -133,8 +133,9 @@ def evaluate(settings: Evaluate) -> Evaluated:
         env=settings.env,
         options=environments.given(success=settings.success, max_steps=settings.max_steps),
     )
-    if pilot.reference.env and settings.tier != Evaluate.tier:
-        raise InvalidValueError(f"tier={settings.tier} is for the suite: leave it out with {pilot.reference.env}.")
+    for name in ("tier", "controller") if pilot.reference.env else ():
+        if (value := getattr(settings, name)) != getattr(Evaluate, name):
+            raise InvalidValueError(f"{name}={value} is for the suite: leave it out with {pilot.reference.env}.")
     pilot = _executing(pilot, settings)
     _tell(pilot, settings)
     seeds = range(settings.seed, settings.seed + settings.episodes)

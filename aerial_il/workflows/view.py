@@ -101,6 +101,9 @@ def _show_flight(settings: View, viewer: str) -> None:
         action=settings.action,
         env=settings.env,
     )
+    for name in ("tier", "controller") if pilot.reference.env else ():
+        if (value := getattr(settings, name)) != getattr(View, name):
+            raise InvalidValueError(f"{name}={value} is for the suite: leave it out with {pilot.reference.env}.")
     law, seed = settings.controller, settings.seed or 0
     with closing(pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)) as env:
         if viewer == "window":

@@ -54,10 +54,10 @@ def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
     lowest = min(*(r["ci95_low"] for r in rows), *limits.values())
 
     def draw(axes: Axes, tier: str) -> None:
-        for r in (r for r in rows if r["tier"] == tier):
-            y = cells.index((r["robot"], r["task"]))
-            axes.plot([r["ci95_low"], r["ci95_high"]], [y, y], color=INK, linewidth=1)
-            axes.plot(r["percent"], y, "o", color=COLOURS[0])
+        shown = [r for r in rows if r["tier"] == tier]
+        y = [cells.index((r["robot"], r["task"])) for r in shown]
+        axes.hlines(y, *([r[end] for r in shown] for end in ("ci95_low", "ci95_high")), colors=INK, linewidth=1)
+        axes.plot([r["percent"] for r in shown], y, "o", color=COLOURS[0])
         if tier in limits:
             axes.axvline(limits[tier], color=INK, linestyle="dashed", linewidth=1)
         axes.set_yticks(range(len(cells)), [f"{robot}, {task}" for robot, task in cells])

@@ -58,7 +58,7 @@ def test_seeds_outside_their_range_are_refused(seed: int) -> None:
 
 @pytest.mark.parametrize("seeds", [np.nan, 1.7, [0.4, 1.9, 2.0], [True, False, True], "1"])
 def test_seeds_that_are_no_integers_are_refused(seeds: Any) -> None:
-    with pytest.raises(InvalidValueError, match="seeds are integers, got"):
+    with pytest.raises(InvalidValueError, match="seeds are integers from 0"):
         batch(*CELL).reset(seeds)
 
 
@@ -74,7 +74,7 @@ def test_wrong_shapes_are_refused_with_the_right_ones() -> None:
         worlds.reset(np.array([1, 2]))
     with pytest.raises(InvalidValueError, match="mask has one bool per world"):
         worlds.step(np.zeros((3, 10)), np.array([True]))
-    with pytest.raises(InvalidValueError, match=r"mask has one bool per world, \(3,\), got int64"):
+    with pytest.raises(InvalidValueError, match=r"mask has one bool per world, \(3,\), got array\(\[0, 1, 2\]\)"):
         worlds.step(np.zeros((3, 10)), np.array([0, 1, 2]))
     with pytest.raises(InvalidValueError, match="States have shape"):
         worlds.set_state(np.zeros((3, 7)))

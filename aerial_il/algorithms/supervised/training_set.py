@@ -191,10 +191,20 @@ class TrainingSet:
         interface: how they are normalised.
         device: where the tensors go.
         labels: what is to be told of their images; see :class:`Seen`.
+        hold: whether beyond the end of an episode the last action is to be learned, where somebody said it.
     """
 
-    def __init__(self, windows: Windows, interface: Interface, device: str = "cpu", labels: Frames = NO_LABELS) -> None:
+    def __init__(
+        self,
+        windows: Windows,
+        interface: Interface,
+        device: str = "cpu",
+        labels: Frames = NO_LABELS,
+        *,
+        hold: bool = False,
+    ) -> None:
         self._windows, self._interface, self._device, self._labels = windows, interface, device, labels
+        self._hold = hold
         self._encoded = windows.mapped(interface.encode_obs, interface.action.normalise)
         self._moving = int(interface.layout.moving.sum())
         self._scaler = interface.action.first(self._moving).tiled(windows.chunk)
@@ -204,14 +214,19 @@ class TrainingSet:
         return len(self._windows)
 
     def gather(self, index: np.ndarray) -> tuple[Shown, Tensor, Tensor]:
-        """Return what is shown (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 in the episode, of ``index``."""
+        """Return what is shown (B, To, Do), actions (B, Ta, Da) and valid (B, Ta), 1 if to be learned, of ``index``."""
         inputs, targets, is_pad = self._encoded[index]
         if self._moving:  # what is counted from the window's own last frame cannot be encoded before
             origins, moving, _ = self._moved[index]
             counted = self._interface.layout.counted(moving, origins[:, -1:])
             scaled = self._scaler.normalise(counted.reshape(len(index), -1))
             targets[..., : self._moving] = scaled.reshape(counted.shape)
-        arrays = (inputs, targets, (~is_pad).astype(np.float32))
+        known = ~is_pad
+        if self._hold:
+            over = self._windows.is_over(index)
+            last = over.shape[1] - 1 - over.sum(1, keepdims=True)  # its action stands beyond the end, too
+            known = known | (over & np.take_along_axis(known, last, 1))
+        arrays = (inputs, targets, known.astype(np.float32))
         encoded, answers, valid = (tensor(array).to(self._device) for array in arrays)
         images, labels = (
             {name: torch.from_numpy(values).to(self._device) for name, values in gathered.items()}
@@ -331,8 +346,10 @@ def prepare(
     interface = initial.interface if initial else fit_interface(layout, windows, policy)
     hidden = hidden_in(demos, auxiliary)
     labels = labels_in(demos, hidden)
-    training = TrainingSet(windows, interface, device, labels)
-    held_out = TrainingSet(cut_windows(demos.held_out, layout, policy), interface, device) if demos.held_out else None
+    hold = policy.holds_its_end
+    training = TrainingSet(windows, interface, device, labels, hold=hold)
+    apart = cut_windows(demos.held_out, layout, policy) if demos.held_out else None
+    held_out = TrainingSet(apart, interface, device, hold=hold) if apart else None
     order = Shuffle(len(training), batch_size, seed=seed, weights=weights)
     data = {
         "demonstrations": len(demos.kept) + len(demos.held_out),

@@ -8,6 +8,7 @@ file names it: steps of a processor other than those below are refused.
 """
 
 import hashlib
+import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -64,7 +65,8 @@ class LerobotPolicy:
         chunk = int(config.chunk_size) if config.type == "act" else execute
         self._plan = ActionPlan(chunk, execute, ensemble)
         self._histories = {name: ObservationHistory(int(config.n_obs_steps)) for name in self._inputs}
-        self._noise = EpisodeNoise(int(config.type == "diffusion"), redraw=True)
+        self._shape = (config.horizon, self._size) if config.type == "diffusion" else (0, 0)
+        self._noise = EpisodeNoise(math.prod(self._shape), redraw=True)
         self._spec: EnvSpec | None = None
         self.reset()
 
@@ -109,20 +111,22 @@ class LerobotPolicy:
     def _predict(self, histories: Mapping[str, np.ndarray], worlds: np.ndarray, noise: np.ndarray | None) -> np.ndarray:
         """Return chunks of actions (B, Ta, Da) in the environment's units for histories ``name -> (B, To, ...)``.
 
-        With ``noise`` (B, 1), world by world: its sampler draws from torch's one generator.
+        A chunk begins as ``noise`` (B, S) where there is chance. A sampler that draws on the way, DDPM's, does so from
+        torch's one generator: world by world then, each from a seed of its own.
         """
         single = self._config.n_obs_steps == 1
         batch = {name: _to_tensor(name, h[:, 0] if single and self._config.type == "act" else h)
                  for name, h in histories.items()}  # fmt: skip
-        parts = [slice(None)] if noise is None else [slice(i, i + 1) for i in range(len(worlds))]
-        seeds = [0] if noise is None else noise[:, 0].view(np.uint32).tolist()
+        alone = noise is not None and self._config.noise_scheduler_type == "DDPM"
+        parts = [slice(i, i + 1) for i in range(len(worlds))] if alone else [slice(None)]
+        begun = {} if noise is None else {"noise": torch.from_numpy(noise).unflatten(1, self._shape)}
         chunks = []
         with torch.inference_mode(), torch.random.fork_rng():
-            for rows, seed in zip(parts, seeds, strict=True):
-                torch.manual_seed(seed)
+            for rows in parts:
+                torch.manual_seed(int(noise[rows][0, :1].view(np.uint32)[0]) if alone else 0)
                 encoded = self._encode({name: values[rows] for name, values in batch.items()})
-                chunk = self._policy.predict_action_chunk(encoded)[:, : self._plan.chunk]
-                chunks.append(self._decode(chunk).cpu().numpy())
+                chunk = self._policy.predict_action_chunk(encoded, **{name: each[rows] for name, each in begun.items()})
+                chunks.append(self._decode(chunk[:, : self._plan.chunk]).cpu().numpy())
         actions = np.concatenate(chunks)
         if not np.isfinite(actions).all():
             raise NonFiniteActionError("network output", worlds[~np.isfinite(actions).all(axis=(1, 2))])

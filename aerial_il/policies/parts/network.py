@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -126,6 +126,7 @@ class PolicySettings(ABC):
     """What the settings mean that all policies have; each policy file states their values, and adds its own.
 
     Attributes:
+        holds_its_end: whether its network is to learn that the last action goes on when the episode is over.
         history: observations To that the network sees, the current one included.
         chunk: actions Ta that it predicts at once.
         execute: steps flown before it predicts again.
@@ -164,6 +165,8 @@ class PolicySettings(ABC):
     action_scaling: Scaling
     obs_clip: float
 
+    holds_its_end: ClassVar[bool] = False
+
     def __post_init__(self) -> None:
         make_tuples(self)
         require_positive(self, "history", "chunk", "obs_clip", "image_features", "crop")
@@ -191,22 +194,19 @@ def masked_mean(values: Tensor, valid: Tensor) -> Tensor:
     return (values.mean(-1) * valid).sum() / torch.clamp(valid.sum(), min=1.0)
 
 
-def whole_chunks(actions: Tensor, valid: Tensor) -> tuple[Tensor, Tensor]:
-    """Return ``actions`` (B, Ta, Da) without gaps, and (B, Ta, 1) which of them are learned from, 1 or 0.
+def without_gaps(actions: Tensor, valid: Tensor) -> Tensor:
+    """Return ``actions`` (B, Ta, Da), where ``valid`` (B, Ta) is 0 those of the valid step before, or of the first one.
 
-    A network that sees a chunk on its way to another must see whole ones, in training as in flight: what has no label
-    (``valid`` (B, Ta) is 0) is the labelled one before it, or the first. After the last, where the episode is over, it
-    is learned from, as it is flown; in a gap, where nobody was asked, it is not.
+    A network that sees a chunk on its way to another must see whole ones, in training as in flight.
     """
-    place, labelled = torch.arange(actions.shape[1], device=actions.device), valid > 0.5
-    first = labelled.long().argmax(-1, keepdim=True)
-    last = torch.where(labelled, place, -1).amax(-1, keepdim=True)
-    index = torch.where(labelled, place, first).cummax(-1).values
-    counts = labelled | ((place > last) & (last >= 0))
-    return actions.gather(1, index[..., None].expand_as(actions)), counts[..., None].to(actions.dtype)
+    place, known = torch.arange(actions.shape[1], device=actions.device), valid > 0.5
+    first = known.long().argmax(-1, keepdim=True)
+    index = torch.where(known, place, first).cummax(-1).values
+    return actions.gather(1, index[..., None].expand_as(actions))
 
 
-def squared_error(answers: Tensor, targets: Tensor, counts: Tensor) -> Tensor:
-    """Return the mean squared error of ``answers`` (B, Ta, Da) where ``counts`` (B, Ta, 1) is 1."""
+def squared_error(answers: Tensor, targets: Tensor, valid: Tensor) -> Tensor:
+    """Return the mean squared error of ``answers`` (B, Ta, Da) over the steps where ``valid`` (B, Ta) is 1."""
+    counts = valid[..., None]
     error = functional.mse_loss(answers * counts, targets * counts)
-    return error * (counts.numel() / counts.sum().clamp(min=1.0))
+    return error * (valid.numel() / valid.sum().clamp(min=1.0))

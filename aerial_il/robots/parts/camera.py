@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from numbers import Integral
 from typing import Literal
@@ -70,14 +70,15 @@ def frame_of(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
     return np.array(camera.pos, float), mat.reshape(3, 3)
 
 
-def check_size(size: Sequence[int]) -> None:
+def check_size(size: Iterable[int]) -> None:
     """Refuse images that are empty or larger than can be rendered.
 
     Raises:
         InvalidValueError: names the limit.
     """
-    two = isinstance(size, Sequence) and len(size) == 2 and all(isinstance(side, Integral) for side in size)
-    if not two or not (0 < size[0] <= LARGEST_IMAGE[0] and 0 < size[1] <= LARGEST_IMAGE[1]):
+    sides = list(size) if isinstance(size, Iterable) else []
+    whole = len(sides) == 2 and all(isinstance(side, Integral) for side in sides)
+    if not whole or not all(0 < side <= most for side, most in zip(sides, LARGEST_IMAGE, strict=True)):
         raise InvalidValueError(f"image_size is (height, width) up to {LARGEST_IMAGE}, got {size}.")
 
 

@@ -298,10 +298,10 @@ class Simulation:
     def _select(self, mask: np.ndarray | None) -> np.ndarray:
         if mask is None:
             return self._everyone
-        mask = np.ascontiguousarray(mask)
-        if mask.shape != (self.n,) or mask.dtype != bool:
-            raise InvalidValueError(f"mask has one bool per world, ({self.n},), got {mask.dtype} {mask.shape}.")
-        return mask
+        given = np.asarray(mask)
+        if given.shape != (self.n,) or not np.isin(given, (0, 1)).all():
+            raise InvalidValueError(f"mask has one bool per world, ({self.n},), got {mask!r}.")
+        return np.ascontiguousarray(given, bool)
 
     def _checked(self, actions: np.ndarray, mask: np.ndarray) -> np.ndarray:
         actions = np.array(actions, float, order="C", ndmin=2)

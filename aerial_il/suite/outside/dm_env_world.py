@@ -41,8 +41,11 @@ class DmEnvWorld:
     def reset(self, seed: int) -> Outcome:
         self._env.close()
         self._env = self._make(seed)
-        if hasattr(self._env, "_step_limit"):
-            vars(self._env)["_step_limit"] = math.inf  # the batch keeps the time
+        limited: Any = self._env
+        while "_step_limit" not in vars(limited) and (inner := getattr(limited, "_env", None)):  # dm_control's wrappers
+            limited = inner
+        if "_step_limit" in vars(limited):
+            vars(limited)["_step_limit"] = math.inf  # the batch keeps the time
         return Outcome(self._named(self._env.reset().observation))
 
     def executed(self, action: np.ndarray) -> np.ndarray:
@@ -101,6 +104,6 @@ def _is_mapping(shown: Any) -> bool:
 
 
 def _field(name: str, spec: Any) -> Field:
-    if is_image(name, spec.shape, spec.dtype):
+    if is_image(spec.shape, spec.dtype):
         return Field(name, spec.shape, "image", "uint8")
     return Field(name, spec.shape or (1,), "task" if "target" in name or "goal" in name else "proprio")

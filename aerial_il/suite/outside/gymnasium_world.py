@@ -174,24 +174,14 @@ def control_dt_s(env: gymnasium.Env[Any, Any]) -> float:
     return 1.0 / frames if frames else DEFAULT_DT_S
 
 
-def is_image(name: str, shape: tuple[int, ...], dtype: Any) -> bool:
-    """Return whether an observation is an image.
-
-    Raises:
-        InvalidValueError: it looks like one of another kind than (H, W, 3).
-    """
-    pictured = len(shape) == 3 and np.dtype(dtype) == np.uint8
-    if pictured and shape[-1] != 3:
-        raise InvalidValueError(
-            f"Observation {name!r} is of uint8 and {shape}; an image is (height, width, 3). Wrap the environment "
-            "in one that shows three colours last."
-        )
-    return pictured
+def is_image(shape: tuple[int, ...], dtype: Any) -> bool:
+    """Return whether an observation is an image, (H, W, 3) of uint8; arrays of other shapes are numbers."""
+    return len(shape) == 3 and shape[-1] == 3 and np.dtype(dtype) == np.uint8
 
 
 def _field(name: str, space: spaces.Space[Any]) -> Field:
     if isinstance(space, spaces.Box):
-        pictured = is_image(name, space.shape, space.dtype)
+        pictured = is_image(space.shape, space.dtype)
         group: Group = "image" if pictured else "task" if "goal" in name else "proprio"
         return Field(name, space.shape or (1,), group, "uint8" if pictured else "float64")
     flat = spaces.flatten_space(space)
@@ -203,5 +193,5 @@ def _field(name: str, space: spaces.Space[Any]) -> Field:
 def _array(space: spaces.Space[Any], value: Any) -> np.ndarray:
     if not isinstance(space, spaces.Box):
         return np.array(spaces.flatten(space, value), dtype=float)
-    kept = np.uint8 if len(space.shape) == 3 and space.dtype == np.uint8 else float
+    kept = np.uint8 if is_image(space.shape, space.dtype) else float
     return np.array(value, dtype=kept).reshape(space.shape or (1,))

@@ -23,10 +23,11 @@ def warn_of_seen(policy: str, spec: EnvSpec, seeds: Collection[int]) -> None:
     """
     if not is_run(policy):
         return
-    named = re.compile(rf"{re.escape(f'{spec.robot}-{spec.task}')}-.+-(\d{{6,}})-[0-9a-f]{{8}}")
-    for path in _datasets(read_run(policy).command):
+    cell = f"{spec.robot}-{spec.task}".replace("/", "_")
+    named = re.compile(rf"{re.escape(cell)}-.+-(\d{{6,}})-[0-9a-f]{{8}}")
+    for path, count in _datasets(read_run(policy).command):
         try:
-            known = open_dataset(path, states=False).uids
+            known = open_dataset(path, states=False).uids[:count]
         except AerialError:
             continue
         if shared := {int(found[1]) for uid in known if (found := named.fullmatch(uid))} & {*seeds}:
@@ -37,9 +38,10 @@ def warn_of_seen(policy: str, spec: EnvSpec, seeds: Collection[int]) -> None:
             )  # fmt: skip
 
 
-def _datasets(command: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the datasets that a training was given and that are still there."""
+def _datasets(command: Mapping[str, Any]) -> Iterator[tuple[str, int | None]]:
+    """Yield the datasets of a training that are still there, and how many successes it took, or None for all."""
     said = command.get("dataset") or {}
-    for path in (said.get("path"), *(said.get("others") or ())):
+    given = {said.get("path"): said.get("episodes"), **dict.fromkeys(said.get("others") or ())}
+    for path, count in given.items():
         if path and Path(path).exists():
-            yield path
+            yield path, count

@@ -48,6 +48,25 @@ def test_minibatches_hold_the_history_behind_and_the_chunk_ahead(demos: list[Epi
     assert index == len(windows)
 
 
+@pytest.mark.parametrize("to_the_end", [True, False])
+def test_the_end_of_an_episode_is_held_and_the_end_of_a_correction_is_not(
+    demos: list[Episode], to_the_end: bool
+) -> None:
+    """Where nobody was asked nothing is known, of the steps beyond the end neither if that was so at the end."""
+    flown, config = demos[0], MLP(chunk=7)
+    asked = np.ones(len(flown), bool)
+    asked[10:20], asked[-3:] = False, to_the_end
+    episode = replace(flown, expert_actions=np.where(asked[:, None], flown.expert_actions, np.nan))
+    layout, kept = read_demos([episode], config)
+    windows = cut_windows(kept, layout, config)
+    _, _, valid = TrainingSet(windows, fit_interface(layout, windows, config), hold=True).gather(
+        np.arange(len(windows))
+    )
+    known = np.append(asked, [to_the_end] * 6)
+    for row, start in zip(np.asarray(valid), np.flatnonzero(asked), strict=True):
+        np.testing.assert_array_equal(row > 0, known[start : start + 7])
+
+
 def test_what_is_learned_is_what_is_flown(demos: list[Episode]) -> None:
     """Decoding the encoded label gives back the demonstrated action."""
     config = MLP(chunk=7)

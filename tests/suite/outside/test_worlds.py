@@ -9,6 +9,8 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from dm_control import suite
+from dm_control.suite.wrappers import action_scale
 from gymnasium import spaces
 
 import aerial_il
@@ -259,18 +261,26 @@ class Pictured(gymnasium.Env[Any, Any]):
         self.observation_space, self.action_space = spaces.Box(0, 255, shape, np.uint8), spaces.Discrete(2)
 
 
-@pytest.mark.parametrize("shape", [(84, 84, 1), (84, 84, 4), (3, 84, 84)])
-def test_pictures_that_cannot_be_recorded_are_refused_before_anything_is_flown(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InvalidValueError, match=r"uint8 and \(.*an image is \(height, width, 3\)"):
-        observation_spec(Pictured(shape).observation_space)
+@pytest.mark.parametrize("shape", [(84, 84, 1), (84, 84, 4), (3, 84, 84), (6, 7, 2)])
+def test_what_is_no_picture_in_colours_is_numbers(shape: tuple[int, ...]) -> None:
+    """Stacks of frames, channels first, boards: they are flown, and recorded as what they are."""
+    space = Pictured(shape).observation_space
+    (field,) = observation_spec(space).fields
+    assert (field.group, field.dtype, field.shape) == ("proprio", "float64", shape)
+    assert named_observation(space, np.ones(shape, np.uint8))["observation"].dtype == float
     assert observation_spec(Pictured((84, 84, 3)).observation_space).fields[0].group == "image"
 
 
 def test_a_longer_time_limit_than_its_own_is_flown() -> None:
-    with closing(outside.load_dm_control("cartpole-balance", num_envs=1, max_steps=1003)) as env:
-        env.reset(0)
-        ends = [bool(env.step(np.zeros((1, 1))).truncated[0]) for _ in range(1003)]
-    assert ends == [False] * 1002 + [True]
+    def wrapped(seed: int) -> Any:
+        return action_scale.Wrapper(suite.load("cartpole", "balance", {"random": seed}), -1.0, 1.0)
+
+    bare = outside.load_dm_control("cartpole-balance", num_envs=1, max_steps=1003)
+    for made in (bare, outside.load_dm_env(wrapped, num_envs=1, max_steps=1003)):
+        with closing(made) as env:
+            env.reset(0)
+            ends = [bool(env.step(np.zeros((1, 1))).truncated[0]) for _ in range(1003)]
+        assert ends == [False] * 1002 + [True]
     for wrong in (0, -1, 2.5):
         with pytest.raises(InvalidValueError, match=f"max_steps is {wrong}; it must be an integer, at least 1"):
             outside.load_dm_control("cartpole-balance", num_envs=1, max_steps=wrong)

@@ -60,10 +60,12 @@ def test_a_sweep_of_evaluations_ends_with_a_ranking(
     [
         (["evaluate", "policy=random", "robot=quad", "task=hover"], "leave out robot=quad task=hover"),
         (["evaluate", "policy=random", "tier=gusts"], "tier=gusts is for the suite"),
+        (["evaluate", "policy=random", "controller=pid"], "controller=pid is for the suite"),
         (["evaluate", "policy=expert", "robot=quad", "task=hover"], "has no expert of its own"),
         (["collect", "policy=random", "robot=quad", "tier=gusts"], "robot=quad tier=gusts is for the suite"),
         (["collect", "policy=random", "cameras=[wrist]"], "cameras=('wrist',) is for the suite"),
         (["collect", "policy=random", "expert.look=true"], "expert.look=True is for the suite"),
+        (["collect", "policy=random", "expert.noise=0.1"], "expert.noise=0.1 is for the suite"),
     ],
 )
 def test_what_an_environment_from_outside_would_ignore_is_refused(
