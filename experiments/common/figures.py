@@ -14,7 +14,6 @@ if TYPE_CHECKING:
 
 Rows = Sequence[Mapping[str, Any]]
 ROW_IN = 0.2  # of a line that names a bar
-ROWS_PER_PANEL = 10  # lines of text that a panel's height has room for
 
 
 def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, float]]) -> str:
@@ -45,29 +44,32 @@ def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, f
 
 
 def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
-    """Draw success with 95 % intervals: a panel per tier, one line per cell, the tier's target dashed.
+    """Draw success with 95 % intervals: a panel per tier, a line per task, a colour per robot, the tier's target dashed.
 
     Args:
         rows: with ``robot``, ``task``, ``tier``, ``percent``, ``ci95_low`` and ``ci95_high``. limits: tier -> percent.
     """
-    cells = list(dict.fromkeys((r["robot"], r["task"]) for r in rows))
-    lowest = min(*(r["ci95_low"] for r in rows), *limits.values())
+    robots, tasks = (sorted({r[key] for r in rows}) for key in ("robot", "task"))
+    lowest, step = min(*(r["ci95_low"] for r in rows), *limits.values()), 0.8 / len(robots)
 
     def draw(axes: Axes, tier: str) -> None:
-        shown = [r for r in rows if r["tier"] == tier]
-        y = [cells.index((r["robot"], r["task"])) for r in shown]
-        axes.hlines(y, *([r[end] for r in shown] for end in ("ci95_low", "ci95_high")), colors=INK, linewidth=1)
-        axes.plot([r["percent"] for r in shown], y, "o", color=COLOURS[0])
+        for k, robot in enumerate(robots):
+            shown = [r for r in rows if (r["tier"], r["robot"]) == (tier, robot)]
+            y = [tasks.index(r["task"]) + step * (k - 0.5 * (len(robots) - 1)) for r in shown]
+            ends = ([r[end] for r in shown] for end in ("ci95_low", "ci95_high"))
+            colour, mark = COLOURS[k % len(COLOURS)], "os"[k // len(COLOURS)]
+            axes.hlines(y, *ends, colors=colour, linewidth=1)
+            axes.plot([r["percent"] for r in shown], y, mark, color=colour, markersize=3, label=robot)
         if tier in limits:
             axes.axvline(limits[tier], color=INK, linestyle="dashed", linewidth=1)
-        axes.set_yticks(range(len(cells)), [f"{robot}, {task}" for robot, task in cells])
-        axes.set_ylim(len(cells) - 0.5, -0.5)
+        axes.set_yticks(range(len(tasks)), [task.replace("_", " ") for task in tasks])
+        axes.set_ylim(len(tasks) - 0.5, -0.5)
         axes.set_xlim(lowest - 1.0, 100.5)
         axes.set_xlabel("success (%)")
         axes.grid(axis="y", visible=False)
 
     titles = {tier: tier for tier in dict.fromkeys(r["tier"] for r in rows)}
-    return in_panels(titles, draw, width=1.4, height=max(1.0, len(cells) / ROWS_PER_PANEL))
+    return in_panels(titles, draw, width=1.2, height=max(1.0, len(tasks) / 7))
 
 
 def method_dots(rows: Rows) -> str:
