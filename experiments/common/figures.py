@@ -44,7 +44,7 @@ def tracking_bars(rows: Rows, limits_cm: Mapping[tuple[str, str], Mapping[str, f
 
 
 def success_dots(rows: Rows, limits: Mapping[str, float]) -> str:
-    """Draw success with 95 % intervals: a panel per tier, a line per task, a colour per robot, the tier's target dashed.
+    """Draw success with 95 % intervals: a panel per tier, a line per task, a colour per robot, targets dashed.
 
     Args:
         rows: with ``robot``, ``task``, ``tier``, ``percent``, ``ci95_low`` and ``ci95_high``. limits: tier -> percent.
