@@ -38,7 +38,7 @@ class _FirstCompilation(event.Listener):
 
     def on_start(self, event: event.Event) -> None:
         if not self.said:
-            log.info("Compiling the simulation, once after an installation or an edit: about a minute.")
+            log.info("Compiling what flies here, once for all that is new to it: seconds, after an edit a minute.")
         self.said = True
 
     def on_end(self, event: event.Event) -> None:

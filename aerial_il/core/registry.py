@@ -19,7 +19,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from aerial_il.core.errors import InvalidValueError, UnknownNameError
+from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
 
 
 @dataclass(frozen=True)
@@ -91,10 +91,18 @@ def module(kind: str, name: str) -> ModuleType:
 
     Raises:
         UnknownNameError: nothing of that kind has the name.
+        InvalidValueError: its file is no Python, or does what cannot be done.
     """
     if name not in _modules(kind):
         raise UnknownNameError(kind, name, names(kind), KINDS[kind].hint)
-    return importlib.import_module(_modules(kind)[name])
+    place = _modules(kind)[name]
+    try:
+        return importlib.import_module(place)
+    except AerialError:
+        raise
+    except (SyntaxError, TypeError, NameError, AttributeError, ValueError) as error:
+        file = getattr(importlib.util.find_spec(place), "origin", place)
+        raise InvalidValueError(f"{kind} {name}, {file}, cannot be read: {type(error).__name__}: {error}") from error
 
 
 def get(kind: str, name: str) -> Any:

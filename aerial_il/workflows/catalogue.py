@@ -69,11 +69,11 @@ def catalogue() -> Catalogue:
     from aerial_il.suite import tasks, tiers
 
     cells = tasks.cells()
-    pairs = [(robot, task) for robot in robots.names() for task in tasks.names() if (robot, task) not in cells]
+    pairs = [(robot, task) for robot in robots.readable() for task in tasks.names() if (robot, task) not in cells]
     reasons = [tasks.get(task).infeasibility(robots.get(robot)) for robot, task in pairs]
     laws = {name: registry.get("controller", name) for name in registry.names("controller")}
     return {
-        "robots": [_robot_row(robots.get(name), cells) for name in robots.names()],
+        "robots": [_robot_row(robots.get(name), cells) for name in robots.readable()],
         "tasks": [_task_row(tasks.get(name), cells) for name in tasks.names()],
         "cells": [{"robot": robot, "task": task} for robot, task in cells],
         "declined": [{"robot": r, "task": t, "reason": why} for (r, t), why in zip(pairs, reasons, strict=True)],
@@ -106,7 +106,7 @@ def _sensor_row(name: str) -> dict[str, Any]:
     from aerial_il import robots
     from aerial_il.suite import sensors
 
-    shown = ((each, fields) for robot in robots.names() for each, _, fields in sensors.of(robots.get(robot)))
+    shown = ((each, fields) for robot in robots.readable() for each, _, fields in sensors.of(robots.get(robot)))
     known = next((fields for each, fields in shown if each == name), ())
     return {"name": name, "fields": [f"{f.name}: {f.meaning}{f' ({f.unit})' if f.unit else ''}" for f in known]}
 

@@ -39,7 +39,7 @@ def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
         for _ in range(2)
     ]
     assert [done.stdout for done in told] == ["2 3\n"] * 2
-    assert [done.stderr.count("Compiling the simulation") for done in told] == [1, 0]
+    assert [done.stderr.count("Compiling what flies here") for done in told] == [1, 0]
 
 
 def test_an_edit_of_any_file_that_kernels_use_is_noticed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -32,5 +32,5 @@ def plugged_in(modules: Mapping[str, Mapping[str, str]]) -> Iterator[None]:
 
 def _forget() -> None:
     importlib.invalidate_caches()
-    for result in (registry.outside, tiers.get, robots.get, tasks.get, tasks.cells):
+    for result in (registry.outside, tiers.get, robots.get, robots.is_readable, tasks.get, tasks.cells):
         result.cache_clear()

@@ -8,6 +8,7 @@ import pytest
 
 import aerial_il
 from aerial_il import robots
+from aerial_il.cli.main import main
 from aerial_il.core import registry
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.suite import tiers
@@ -105,3 +106,20 @@ def test_a_stereo_rig_sees_with_both_eyes() -> None:
     assert obs["left_rgb"].shape == obs["right_rgb"].shape == (1, 96, 128, 3)
     assert obs["down_rgb"].shape == (1, 240, 320, 3)
     worlds.close()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("ROBOT = (", "SyntaxError: '(' was never closed"), ("ROBOT = max(1)", "TypeError")]
+)
+def test_a_file_that_cannot_be_read_hides_no_other(
+    text: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken_robot.py").write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    with plugged_in({"robot": {"broken": "broken_robot"}}):
+        assert main(["list"]) == 0
+        told = capsys.readouterr()
+        assert "ua_quad_arm4" in told.out
+        assert f"robot broken, {tmp_path / 'broken_robot.py'}, cannot be read: {said}" in told.err
+        assert main(["evaluate", "policy=expert", "robot=broken", "task=hover", f"out={tmp_path / 'out'}"]) == 2
+        assert said in capsys.readouterr().err

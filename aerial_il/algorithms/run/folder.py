@@ -40,7 +40,7 @@ CONFIG, PROVENANCE, METRICS = "config.yaml", "provenance.json", "metrics.jsonl"
 COMMAND = "command.json"  # what was typed, and the dataset; whoever trains from the command line writes it
 BEST = "best"  # folder of the policy that did best in rollouts on the way; the finished one is never replaced by it
 START_AGAIN = "Put it back, start again with resume=false, or choose another run=NAME."
-ENVIRONMENT = "environment."  # earlier versions kept less of it, which is not compared
+NEWER = ("environment.", "policy.name")  # of which earlier versions kept less; that is not compared
 PRIOR = "prior"  # folder of the clone that a run goes on from, which is trained before the run is opened
 REWARD = "reward"  # folder of the reward that a run has learned, where it learns one
 
@@ -203,7 +203,7 @@ def _claim(path: Path, config: Mapping[str, Any], cadence: tuple[str, ...]) -> N
                 f"{path} was started by an earlier version, which called settings otherwise ({', '.join(old)}). Its "
                 "policy can be flown; to train on, choose another run=NAME, or start again with resume=false."
             )
-        now = {key: value for key, value in now.items() if key in before or not key.startswith(ENVIRONMENT)}
+        now = {key: value for key, value in now.items() if key in before or not key.startswith(NEWER)}
         if differing := differences(before, now, dataset=_dataset(path)):
             changes = "; ".join(differing)
             raise InvalidValueError(f"{path} holds another run ({changes}). Choose another run=NAME or resume=false.")

@@ -294,6 +294,12 @@ class FlyingPolicy(ABC):
         differing = _restrict(self.spec, self._seen).differences(
             _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
         )
+        if differing and spec.task != self.spec.task and spec.robot == self.spec.robot and not spec.is_outside:
+            folder = f"datasets/{spec.task}"
+            raise InvalidValueError(
+                f"The policy was trained for {self.spec.task} on {self.spec.robot}. It differs in: {differing[0]}. Leave "
+                f"out task={spec.task}, or begin with: aerial-il collect robot={spec.robot} task={spec.task} out={folder}"
+            )
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
             hint = ANY_ROBOT if spec.robot != self.spec.robot and spec.action == self.spec.action else ""

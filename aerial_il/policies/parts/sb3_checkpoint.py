@@ -11,6 +11,7 @@ import pickle
 import re
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -57,6 +58,9 @@ class Sb3Policy:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        if not self.path.exists():
+            near = get_close_matches(self.path.name, [file.name for file in self.path.parent.glob(f"*{ENDING}")], 1)
+            raise CheckpointError(self.path, "does not exist.", f"Did you mean {near[0]}?" if near else None)
         try:
             self._saved = _read(self.path)
         except CheckpointError:

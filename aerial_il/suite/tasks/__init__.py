@@ -41,9 +41,9 @@ def cells() -> tuple[tuple[str, str], ...]:
     Raises:
         UnknownNameError, InvalidValueError: a robot cannot decline what its file says, see :func:`check_declines`.
     """
-    for robot in robots.names():
+    for robot in robots.readable():
         check_declines(robots.get(robot))
-    return tuple((r, t) for r in robots.names() for t in names() if get(t).infeasibility(robots.get(r)) is None)
+    return tuple((r, t) for r in robots.readable() for t in names() if get(t).infeasibility(robots.get(r)) is None)
 
 
 def check_declines(robot: Robot) -> None:

@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -15,7 +16,7 @@ import numpy as np
 
 from aerial_il import experts
 from aerial_il.core.contracts import BatchEnv, Policy
-from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rendering import require_rendering
 from aerial_il.core.specs import EnvSpec, camera_text
 from aerial_il.data.episode import Episode
@@ -92,6 +93,9 @@ def pilot(
         return _pilot(made, source, _place(source, robot, task, action, env, chosen), chosen)
     if folder := find_lerobot(Path(source)):
         return _from_lerobot(source, folder, robot=robot, task=task, action=action)
+    known = (EXPERT, *BASELINES)
+    if not Path(source).exists() and get_close_matches(source, known):
+        raise UnknownNameError("policy", source, known, "Else it is the folder of a run.")
     policy = load_flying(source)
     spec = policy.spec
     if note := tier_note(spec):

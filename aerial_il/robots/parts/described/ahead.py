@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -22,6 +22,8 @@ def require_ahead(place: Placement, chain: Chain, approach: Axis, zero: tuple[fl
     Raises:
         ModelFileError: it does not; the message gives joint values of the file at which it would.
     """
+    if approach not in get_args(Axis):
+        raise place.model.error(f"approach={approach!r} is not one of {', '.join(get_args(Axis))}.")
     column = place.axes(place.data.xmat[chain.tool])[:, "xyz".index(approach[-1])]
     out = -column if approach.startswith("-") else column
     angle = float(np.arccos(np.clip(out @ AHEAD, -1.0, 1.0)))
