@@ -30,6 +30,7 @@ LEAST_REACH_SHARE = 0.2  # of the arm's length, between a pose and the axis of a
 STANDARD_SENSORS: Mapping[str, Mapping[str, Any]] = {"base": {}, "arm": {}, "gripper": {}, "tool": {}}
 LEAST_REASON_WORDS = 3  # of why a task is declined
 UNIT_TOLERANCE = 1e-6
+WIDEST_M, FARTHEST_M, MOST_TURN_RAD = 0.5, 3.0, 4 * np.pi  # of a gripper, of a rotor, of a joint
 JOINT_ROOM_RAD = 0.08  # that it must keep from its joints' limits
 
 
@@ -72,6 +73,7 @@ class Robot:
         if len(set(names)) < len(names):
             raise InvalidValueError(f"{self.name}: each camera needs a name of its own, got {', '.join(names)}.")
         self._check_numbers()
+        self._check_units()
         if self.has_gripper and not self.arm.links:
             raise InvalidValueError(f"{self.name}: a gripper needs an arm of at least one joint to sit on.")
         vehicle = self.vehicle
@@ -104,6 +106,30 @@ class Robot:
             raise InvalidValueError(
                 f"{self.name}: tau_down is {base.tau_down:g} s and tau_up {base.tau_up:g} s; rotors that lose thrust "
                 "faster than they gain it are not simulated. Say tau_down=tau_up."
+            )
+
+    def _check_units(self) -> None:
+        """Refuse numbers of another order than a robot has: they are in another unit."""
+        base, stroke = self.base, self.gripper.stroke
+        if stroke > WIDEST_M:
+            raise InvalidValueError(
+                f"{self.name}: the gripper opens by {stroke:g} m, {WIDEST_M} m at most. Is it in mm?"
+            )
+        for i, link in enumerate(self.arm.links):
+            if max(map(abs, link.limits)) > MOST_TURN_RAD:
+                raise InvalidValueError(f"{self.name}: joint {i} turns from {link.limits} rad. Are they in degrees?")
+        if not self.num_rotors:
+            return
+        away = float(np.linalg.norm(base.rotor_pos, axis=1).max())
+        if away > FARTHEST_M:
+            raise InvalidValueError(
+                f"{self.name}: a rotor is {away:g} m from the base, {FARTHEST_M} m at most. Is it in mm?"
+            )
+        most = base.mass * (away + max(base.hub_size)) ** 2  # of a ring that has all of the mass and all of the size
+        if max(base.inertia) > most:
+            raise InvalidValueError(
+                f"{self.name}: the base's inertia is {max(base.inertia):g} kg m²; {base.mass:g} kg as far out as "
+                f"its rotors have {most:.2g}. Is it in g m²?"
             )
 
     def _check_declines(self) -> None:

@@ -154,6 +154,13 @@ def with_link(i: int, **changed: Any) -> Arm:
         ({"rest_down": WHOLE.rest_down[:2]}, "rest_down has 2 angles for 4 joints"),
         ({"rest_forward": (0.0, 0.35, -9.0, 0.0)}, r"rest_forward puts joint 2 at -9 rad; its limits are \("),
         ({"base": replace(WHOLE.base, tau_up=0.05, tau_down=0.01)}, "tau_down is 0.01 s and tau_up 0.05 s"),
+        ({"base": replace(WHOLE.base, inertia=(62.0, 62.0, 110.0))}, "inertia is 110 kg m².*Is it in g m²"),
+        (
+            {"base": replace(WHOLE.base, rotor_pos=1e3 * WHOLE.base.rotor_pos)},
+            "m from the base, 3.0 m at most. Is it in mm",
+        ),
+        ({"gripper": replace(WHOLE.gripper, stroke=40.0)}, "opens by 40 m, 0.5 m at most. Is it in mm"),
+        ({"arm": with_link(1, limits=(-104.0, 76.0))}, "joint 1 turns from .* rad. Are they in degrees"),
     ],
 )
 def test_what_the_simulator_would_read_otherwise_is_refused(changed: dict[str, Any], says: str) -> None:

@@ -294,11 +294,12 @@ class FlyingPolicy(ABC):
         differing = _restrict(self.spec, self._seen).differences(
             _restrict(spec, self._seen), ignore=(*UNIMPORTANT, *untold, *across)
         )
-        if differing and spec.task != self.spec.task and spec.robot == self.spec.robot and not spec.is_outside:
-            folder = f"datasets/{spec.task}"
+        of_another_task = spec.task != self.spec.task and spec.robot == self.spec.robot and not spec.is_outside
+        if differing and of_another_task:
+            flown, record = self.spec.task, f"collect robot={spec.robot} task={spec.task} out=datasets/{spec.task}"
             raise InvalidValueError(
-                f"The policy was trained for {self.spec.task} on {self.spec.robot}. It differs in: {differing[0]}. Leave "
-                f"out task={spec.task}, or begin with: aerial-il collect robot={spec.robot} task={spec.task} out={folder}"
+                f"The policy was trained for {flown} on {spec.robot}. It differs in: {differing[0]}. Leave out "
+                f"task={spec.task}, or begin with: aerial-il {record}"
             )
         if differing:
             made = f"{self.spec.task} on {self.spec.robot} with {self.spec.action.level} actions"
