@@ -119,11 +119,12 @@ class LerobotPolicy:
                  for name, h in histories.items()}  # fmt: skip
         alone = noise is not None and self._config.noise_scheduler_type == "DDPM"
         parts = [slice(i, i + 1) for i in range(len(worlds))] if alone else [slice(None)]
+        seeds = noise[:, :1].copy().view(np.uint32)[:, 0].tolist() if noise is not None and alone else [0]
         begun = {} if noise is None else {"noise": torch.from_numpy(noise).unflatten(1, self._shape)}
         chunks = []
         with torch.inference_mode(), torch.random.fork_rng():
-            for rows in parts:
-                torch.manual_seed(int(noise[rows][0, :1].view(np.uint32)[0]) if alone else 0)
+            for rows, seed in zip(parts, seeds, strict=True):
+                torch.manual_seed(seed)
                 encoded = self._encode({name: values[rows] for name, values in batch.items()})
                 chunk = self._policy.predict_action_chunk(encoded, **{name: each[rows] for name, each in begun.items()})
                 chunks.append(self._decode(chunk[:, : self._plan.chunk]).cpu().numpy())

@@ -60,7 +60,7 @@ class Sb3Policy:
         self.path = Path(path)
         if not self.path.exists():
             near = get_close_matches(self.path.name, [file.name for file in self.path.parent.glob(f"*{ENDING}")], 1)
-            raise CheckpointError(self.path, "does not exist.", f"Did you mean {near[0]}?" if near else None)
+            raise CheckpointError(self.path, "does not exist.", f"Did you mean {near[0]}?" if near else "")
         try:
             self._saved = _read(self.path)
         except CheckpointError:

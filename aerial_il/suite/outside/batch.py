@@ -135,11 +135,11 @@ class OutsideBatch(BatchEnvBase):
     def _forget(self, worlds: Sequence[int]) -> None:
         """Have worlds that begin an episode answer nothing of the one before; who was told that keeps it."""
         last = self._last
-        told = [each.copy() for each in (last.reward, last.terminated, last.truncated)]
+        reward, terminated, truncated = (each.copy() for each in (last.reward, last.terminated, last.truncated))
         info = {name: values.copy() for name, values in last.info.items()}
-        for values in (*told, *info.values()):
+        for values in (reward, terminated, truncated, *info.values()):
             values[worlds] = 0
-        self._last = StepResult(self._obs, *told, info)
+        self._last = StepResult(self._obs, reward, terminated, truncated, info)
 
     def step(self, actions: np.ndarray, mask: np.ndarray | None = None) -> StepResult:
         """Take one step; worlds outside ``mask`` (n,) bool stand still and answer what they last answered.
