@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import mujoco
-
 from aerial_il.core.provenance import provenance
 from aerial_il.core.specs import EnvSpec
 
@@ -69,6 +67,8 @@ class Origin:
     @cached_property
     def _common(self) -> dict[str, Any]:
         spec = self.spec
+        import mujoco  # an exported policy, which imports this file, flies without
+
         return {
             **({"engine": self.engine} if self.engine else {}),
             "robot": spec.robot,

@@ -1,5 +1,7 @@
 """Policies of chunks: history, plan and memory of every world follow their definition, whatever is reset when."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -240,3 +242,17 @@ def test_a_policy_goes_on_in_the_middle_of_its_plans(tmp_path: Path, case: str) 
         other.act(obs)
     policy.recall(memory)
     assert set(memory) == set(policy.memory())
+
+
+LEAN = """
+import sys
+for name in ("torch", "mujoco", "dm_control", "numba", "scipy", "yaml"):
+    sys.modules[name] = None
+import aerial_il.policies.parts.flying
+"""
+
+
+def test_what_flies_chunks_needs_neither_torch_nor_mujoco() -> None:
+    """So that an exported policy flies where they are not installed."""
+    done = subprocess.run([sys.executable, "-c", LEAN], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
