@@ -165,9 +165,14 @@ class Perception:
         state = replace(policy, images=(), masked_fields=told)
         clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
         pilot = clone if self.execute == 0 else flying_its_newest(clone, self.execute)
-        described = {"algorithm": self.name, "seed": seed, "settings": plain(self)}
-        described |= {"policy": {"name": policy.name, **policy.to_dict()}}
-        described |= {"demonstrations": [demo.uid for demo in demos], "environment": flown_in(env)}
+        described = {
+            "algorithm": self.name,
+            "seed": seed,
+            "settings": plain(self),
+            "policy": {"name": policy.name, **policy.to_dict()},
+            "demonstrations": [demo.uid for demo in demos],
+            "environment": flown_in(env),
+        }
         with RunFolder.open(run, described, cadence=CADENCE, resume=resume) as folder, torch_threads(self.threads):
             if folder.finished:
                 return load_policy(run)

@@ -178,6 +178,12 @@ def weights_of(policy: Policy) -> str | None:
     return checkpoint.digest(saved) if saved else getattr(policy, "sha256", None)
 
 
+def known_by(policy: Policy) -> dict[str, str]:
+    """Return what a recording keeps of :func:`weights_of`: what is called alike need not be the same."""
+    weights = weights_of(policy)
+    return {"policy_sha256": weights[:12]} if weights else {}
+
+
 def _instruction(policy: Policy, spec: EnvSpec) -> dict[str, str]:
     """Return what a policy is told to do, and the wording that it takes that for, where this is another."""
     told = getattr(policy, "told", None)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 from aerial_il.core.errors import InvalidValueError
@@ -157,19 +157,6 @@ def _check_of_the_suite(settings: Collect) -> None:
             raise InvalidValueError(f"{name}={value} is for env=...: {advice}.")
 
 
-def _check_outside(settings: Collect) -> None:
-    """Refuse what is read for the suite alone."""
-    asked = {
-        name: getattr(settings, name) for name in OF_THE_SUITE if getattr(settings, name) != getattr(Collect, name)
-    }
-    from_file = (settings.policy or "").endswith(".npz")  # an expert's, which knows noise
-    own = replace(settings.expert, noise=Expert.noise) if from_file else settings.expert
-    asked |= {f"expert.{name}": value for name, value in asdict(own).items() if value != getattr(Expert, name)}
-    if asked:
-        said = " ".join(f"{name}={value}" for name, value in asked.items())
-        raise InvalidValueError(f"{said} is for the suite: leave it out with env={settings.env}.")
-
-
 def _outside(settings: Collect) -> None:
     """Record what is missing of an environment from outside, each episode over its whole horizon."""
     from aerial_il.workflows.parts import environments, pilots
@@ -178,7 +165,10 @@ def _outside(settings: Collect) -> None:
     if settings.rerun:
         raise InvalidValueError("rerun=true works in this suite only: leave out env=... or rerun=true.")
     environments.check_horizon(settings.env, settings.horizon)
-    _check_outside(settings)
+    environments.refuse_unread(settings.env, settings, OF_THE_SUITE)
+    read = ("noise",) if (source or "").endswith(".npz") else ()  # of an expert's file
+    names = (each.name for each in fields(Expert) if each.name not in read)
+    environments.refuse_unread(settings.env, settings.expert, names, group="expert.")
     if source is None:
         raise InvalidValueError(f"env={settings.env} has no expert of its own: set policy=... too.")
     options = environments.given(success=settings.success, max_steps=settings.max_steps)
@@ -190,17 +180,16 @@ def _outside(settings: Collect) -> None:
 def _record(settings: Collect, env: BatchEnv, policy: Policy, name: str, flown_with: Mapping[str, Any]) -> None:
     """Fly the seeds that are missing, and close ``env``."""
     from aerial_il.collection.collect import collect as fly
-    from aerial_il.evaluation.rollouts import weights_of
+    from aerial_il.evaluation.rollouts import known_by
     from aerial_il.suite.late import late
     from aerial_il.workflows.info import remember
     from aerial_il.workflows.parts.watching import watched
 
-    seeds, weights = range(settings.seed, settings.seed + settings.episodes), weights_of(policy)
-    known_by = {"policy_sha256": weights[:12]} if weights else {}  # what is called alike need not be the same
+    seeds = range(settings.seed, settings.seed + settings.episodes)
     with closing(env), watched(env, settings.threads, wanted=settings.rerun) as seen:
         recorded = fly(
             late(seen, settings.latency), policy, seeds, settings.out,
-            policy_name=name, settings={**flown_with, **known_by, **settings.latency.said}, mix=settings.mix,
+            policy_name=name, settings={**flown_with, **known_by(policy), **settings.latency.said}, mix=settings.mix,
             progress=settings.progress,
         )  # fmt: skip
         remember(recorded, env.spec)

@@ -133,9 +133,7 @@ def evaluate(settings: Evaluate) -> Evaluated:
         env=settings.env,
         options=environments.given(success=settings.success, max_steps=settings.max_steps),
     )
-    for name in ("tier", "controller") if pilot.reference.env else ():
-        if (value := getattr(settings, name)) != getattr(Evaluate, name):
-            raise InvalidValueError(f"{name}={value} is for the suite: leave it out with {pilot.reference.env}.")
+    environments.refuse_unread(pilot.reference.env, settings, ("tier", "controller"))
     pilot = _executing(pilot, settings)
     _tell(pilot, settings)
     seeds = range(settings.seed, settings.seed + settings.episodes)
@@ -179,6 +177,8 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     from aerial_il.evaluation import rollouts
     from aerial_il.evaluation.destination import CALLED, finished, subject_of
     from aerial_il.evaluation.journal import Journal
+    from aerial_il.evaluation.leaderboard import TRAINED, trained
+    from aerial_il.evaluation.training_run import is_run, read_run
     from aerial_il.workflows.parts import results
     from aerial_il.workflows.parts.seen_seeds import warn_of_seen
 
@@ -188,9 +188,12 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     subject = subject_of(**cell, policy=name, seeds=seeds, provenance=origin)
     if done := finished(settings.out, subject, called=name, overwrite=settings.overwrite):
         return done, None
-    warn_of_seen(name, spec, seeds)
+    command: dict[str, Any] = {"command": _command(settings, pilot)}
+    if is_run(name):
+        run = read_run(name)
+        warn_of_seen(run, spec, seeds)
+        command[TRAINED] = trained(run)
     journal.start({**subject, CALLED: name})
-    command = {"command": _command(settings, pilot), **_trained(settings.policy)}
     result = rollouts.evaluate(
         env, pilot.policy, seeds, policy_name=name, origin=command, journal=journal, progress=settings.progress
     )
@@ -198,14 +201,6 @@ def _judged(settings: Evaluate, pilot: Pilot, env: BatchEnv, seeds: range) -> tu
     written = results.save(result, Path(settings.out), env=env, **shown, progress=settings.progress)
     journal.close()
     return result, written
-
-
-def _trained(policy: str) -> dict[str, Any]:
-    """Return how a policy came about, where its folder is that of a run."""
-    from aerial_il.evaluation.leaderboard import TRAINED, trained
-    from aerial_il.evaluation.training_run import is_run, read_run
-
-    return {TRAINED: trained(read_run(policy))} if is_run(policy) else {}
 
 
 def _command(settings: Evaluate, pilot: Pilot) -> str:

@@ -197,14 +197,10 @@ def _watched(settings: Fly, pilot: LinkPilot, env: LinkedEnvironment) -> Iterato
 
 
 def _said(settings: Fly, policy: Policy) -> dict[str, Any]:
-    """Return what was asked for that changes a flight: the same command goes on, whatever is measured on the way.
+    """Return what was asked for that changes a flight: the same command goes on, whatever is measured on the way."""
+    from aerial_il.evaluation.rollouts import known_by
 
-    The weights of the policy are part of it: what is called alike need not be the same.
-    """
-    from aerial_il.evaluation.rollouts import weights_of
-
-    link, weights = settings.link, weights_of(policy)
+    link = settings.link
     own = {f"link.{name}": value for name, value in asdict(link).items() if value != getattr(type(link), name)}
-    known_by = {"policy_sha256": weights[:12]} if weights else {}
-    said = {"link": link.name, **own, **known_by, **settings.latency.said, **settings.execution.said}
+    said = {"link": link.name, **own, **known_by(policy), **settings.latency.said, **settings.execution.said}
     return said | {name: value for name in ("think_ms", "blend_ms") if (value := getattr(settings, name))}

@@ -92,7 +92,7 @@ def view(settings: View) -> None:
 
 def _show_flight(settings: View, viewer: str) -> None:
     from aerial_il.presentation.films import window
-    from aerial_il.workflows.parts import pilots
+    from aerial_il.workflows.parts import environments, pilots
 
     pilot = pilots.pilot(
         settings.policy,
@@ -101,9 +101,7 @@ def _show_flight(settings: View, viewer: str) -> None:
         action=settings.action,
         env=settings.env,
     )
-    for name in ("tier", "controller") if pilot.reference.env else ():
-        if (value := getattr(settings, name)) != getattr(View, name):
-            raise InvalidValueError(f"{name}={value} is for the suite: leave it out with {pilot.reference.env}.")
+    environments.refuse_unread(pilot.reference.env, settings, ("tier", "controller"))
     law, seed = settings.controller, settings.seed or 0
     with closing(pilot.environment(settings.tier, num_envs=1, threads=1, controller=law)) as env:
         if viewer == "window":

@@ -189,8 +189,9 @@ class BestCheckpoint:
     @staticmethod
     def of(rows: Iterable[Mapping[str, float]], name: str) -> BestCheckpoint | None:
         """Compare evaluations by the number called ``name``, those without it being the worst; None without any."""
-        of, told, number = name.rpartition("/")
-        judged = [row for row in rows if any(key.startswith(f"{of}{told}") and key != "step" for key in row)]
+        number = name.rpartition("/")[2]
+        prefix = name.removesuffix(number)
+        judged = [row for row in rows if any(key.startswith(prefix) and key != "step" for key in row)]
         values = [(row.get(name, math.nan), int(row["step"])) for row in judged]
         if not values:
             return None

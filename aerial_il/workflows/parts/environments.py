@@ -4,7 +4,7 @@ A specification may come out of somebody's file, so that what it says never impo
 may name a module (see :mod:`aerial_il.suite.outside`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -97,6 +97,18 @@ class EnvironmentReference:
 
     def _ours(self) -> dict[str, str]:
         return {name: value for name in OURS if (value := getattr(self, name)) is not None}
+
+
+def refuse_unread(env: str | None, settings: Any, names: Iterable[str], *, group: str = "") -> None:
+    """Raise :class:`InvalidValueError` where ``settings`` say something that an ``env`` from outside does not read.
+
+    Args:
+        names: of what it does not read. group: before these where they are typed, such as ``expert.``.
+    """
+    own = {name: getattr(settings, name) for name in names if getattr(settings, name) != getattr(type(settings), name)}
+    if env and own:
+        said = " ".join(f"{group}{name}={value}" for name, value in own.items())
+        raise InvalidValueError(f"{said} is for the suite: leave it out with env={env}.")
 
 
 def check_horizon(env: str | None, horizon: int | None) -> None:

@@ -9,23 +9,21 @@ from typing import Any
 from aerial_il.core.errors import AerialError
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.dataset import open_dataset
-from aerial_il.evaluation.training_run import is_run, read_run
+from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.workflows.parts.rollout_evaluator import JUDGING_SEED
 
 log = logging.getLogger(__name__)
 
 
-def warn_of_seen(policy: str, spec: EnvSpec, seeds: Collection[int]) -> None:
+def warn_of_seen(run: TrainingRun, spec: EnvSpec, seeds: Collection[int]) -> None:
     """Say so where the datasets of a run, if they are still there, have flights of the seeds that it is judged on.
 
     Args:
-        policy: as typed; only the folder of a run tells anything. spec: of the environment. seeds: of the evaluation.
+        run: whose policy is judged. spec: of the environment. seeds: of the evaluation.
     """
-    if not is_run(policy):
-        return
     cell = f"{spec.robot}-{spec.task}".replace("/", "_")
     named = re.compile(rf"{re.escape(cell)}-.+-(\d{{6,}})-[0-9a-f]{{8}}")
-    for path, count in _datasets(read_run(policy).command):
+    for path, count in _datasets(run.command):
         try:
             known = open_dataset(path, states=False).uids[:count]
         except AerialError:

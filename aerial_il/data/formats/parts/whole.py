@@ -35,18 +35,20 @@ def replacing(out: Path) -> Iterator[Path]:
         with storing(out):
             out.parent.mkdir(parents=True, exist_ok=True)
             yield temporary
-            _take_the_place(temporary, out)
-            sync_folder(out.parent)
+            if temporary.is_dir():
+                old = temporary.with_suffix(".old")
+                put_in_place(temporary, out, old)
+                shutil.rmtree(old, ignore_errors=True)
+            else:
+                os.replace(temporary, out)
+                sync_folder(out.parent)
     finally:
         temporary.unlink(missing_ok=True) if temporary.is_file() else shutil.rmtree(temporary, ignore_errors=True)
 
 
-def _take_the_place(new: Path, out: Path) -> None:
-    """Put ``new`` where ``out`` is: interrupted at any moment, one of them is there whole."""
-    if not (new.is_dir() and out.exists()):
-        os.replace(new, out)
-        return
-    old = new.with_suffix(".old")
-    os.replace(out, old)
+def put_in_place(new: Path, out: Path, aside: Path) -> None:
+    """Put a folder where ``out`` is, which goes ``aside``: whenever it is interrupted, each is somewhere whole."""
+    if out.exists():
+        os.replace(out, aside)
     os.replace(new, out)
-    shutil.rmtree(old, ignore_errors=True)
+    sync_folder(out.parent)

@@ -31,13 +31,14 @@ from typing import Any
 import numpy as np
 
 from aerial_il.core.errors import DemoError
-from aerial_il.core.files import sha256_of, sync_folder, write_json
+from aerial_il.core.files import sha256_of, write_json
 from aerial_il.core.lerobot_names import ACTION, ENVIRONMENT, IMAGES, STATE
 from aerial_il.core.specs import EnvSpec, Field, camera_name
 from aerial_il.data.episode import Episode
 from aerial_il.data.formats.parts.content_digest import sealed
 from aerial_il.data.formats.parts.lerobot.identity import UID, identity
 from aerial_il.data.formats.parts.lerobot.states import PROVENANCE, StateWriter
+from aerial_il.data.formats.parts.whole import put_in_place
 from aerial_il.data.recording.writer import storing
 
 NEW, OLD = "new", "old"  # in the temporary folder
@@ -56,7 +57,7 @@ def write(episodes: Iterable[Episode], out: Path) -> Path:
         _clear_leftovers(out)
         with _temporary(out) as temporary:
             _build(temporary, episodes)
-            _replace(temporary, out)
+            put_in_place(temporary, out, temporary.with_name(OLD))
     return out
 
 
@@ -226,11 +227,3 @@ def _vector(fields: Sequence[Field]) -> dict[str, Any]:
 def colour_cameras(spec: EnvSpec) -> tuple[str, ...]:
     """Return the image fields that can become videos."""
     return tuple(f.name for f in spec.observation.fields if f.is_colour)
-
-
-def _replace(new: Path, path: Path) -> None:
-    """Put ``new`` in the place of ``path``, which goes beside ``new``."""
-    if path.exists():
-        os.replace(path, new.with_name(OLD))
-    os.replace(new, path)
-    sync_folder(path.parent)
