@@ -1,10 +1,14 @@
-"""Demonstrations of a benchmark: in draws, for trainings that are to differ in them, each in the order of its seeds."""
+"""Demonstrations of a benchmark: in draws, for trainings that are to differ in them, each in the order of its seeds.
+
+They are flown by the expert, or generated out of a few that it flew.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import closing
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +17,9 @@ from aerial_il.collection.collect import collect
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, LOG, DatasetFolder
-from aerial_il.suite.batch import BatchEnvironment
 
 SEEDS_PER_DRAW, DRAWS = 100_000, 10  # evaluations lie inside the first (20000 ...), flights of DAgger beyond the last
+GENERATION_SEED = 3_000_000  # far from demonstrations, practice and evaluations
 NOISE = 0.3  # of the expert, as aerial-il collect flies it by default
 MOST_PER_DRAW = 2_500  # demonstrations: twice as many flights stay below the seeds of tuning (5000 ...)
 
@@ -55,12 +59,53 @@ class Source:
         return {**asdict(self), "seed": self.seed}
 
 
-def gather(source: Source, path: Path, wanted: int, *, num_envs: int, threads: int, progress: bool) -> None:
-    """Fly the expert until ``path`` holds the first ``wanted`` successes; a failure costs one more seed.
+@dataclass(frozen=True, kw_only=True)
+class Generated(Source):
+    """Flights that are generated out of the first demonstrations of a draw, with images where those have them.
+
+    Attributes:
+        few: how many demonstrations they are generated out of.
+    """
+
+    few: int
+
+    @property
+    def shown(self) -> Source:
+        """Where those come from."""
+        return Source(**{each.name: getattr(self, each.name) for each in fields(Source)})
+
+    @property
+    def seed(self) -> int:
+        return GENERATION_SEED + self.shown.seed
+
+    @property
+    def label(self) -> str:
+        return f"generated/{self.few}/{self.shown.label}"
+
+
+def demonstrate(source: Source, path: Path, flights: int, *, num_envs: int, threads: int, progress: bool) -> None:
+    """Let the expert fly the first ``flights`` seeds of a source that the dataset ``path`` does not hold yet."""
+    env = aerial_il.load_batch(
+        source.robot,
+        source.task,
+        num_envs=num_envs,
+        tier=source.tier,
+        cameras=source.cameras,
+        image_size=source.image_size,
+        num_threads=threads,
+    )
+    with closing(env):
+        expert = aerial_il.expert(source.robot, source.task, noise=source.noise)
+        seeds = range(source.seed, source.seed + flights)
+        collect(env, expert, seeds, path, settings={"noise": source.noise}, progress=progress)
+
+
+def gather(path: Path, wanted: int, seed: int, fly: Callable[[int], None]) -> None:
+    """Fly until ``path`` holds the first ``wanted`` successes; a failure costs one more seed.
 
     Args:
-        source: what is flown. path: the dataset. wanted: how many. num_envs: worlds flown at once. threads: of the
-            simulation; 0 for all cores. progress: show progress bars.
+        path: the dataset. wanted: how many. seed: the first one. fly: flies so many seeds, but for those that ``path``
+            holds.
 
     Raises:
         InvalidValueError: more than half of the flights fail, or more are wanted than a draw has seeds for.
@@ -68,17 +113,11 @@ def gather(source: Source, path: Path, wanted: int, *, num_envs: int, threads: i
     if wanted > MOST_PER_DRAW:
         raise InvalidValueError(f"{wanted} demonstrations are wanted; one draw has at most {MOST_PER_DRAW}.")
     dataset, flown = DatasetFolder(path), wanted
-    while (missing := wanted - _won_in_a_row(dataset, source.seed)) > 0:
+    while (missing := wanted - _won_in_a_row(dataset, seed)) > 0:
         if flown > 2 * wanted:
-            raise InvalidValueError(f"{path}: the expert fails too often to give {wanted} demonstrations.")
-        env = _environment(source, min(num_envs, wanted), threads)
-        try:
-            expert = aerial_il.expert(source.robot, source.task, noise=source.noise)
-            seeds = range(source.seed, source.seed + flown)
-            collect(env, expert, seeds, path, settings={"noise": source.noise}, progress=progress)
-        finally:
-            env.close()
-        missing = wanted - _won_in_a_row(dataset, source.seed)
+            raise InvalidValueError(f"{path}: too many flights fail to give {wanted} demonstrations.")
+        fly(flown)
+        missing = wanted - _won_in_a_row(dataset, seed)
         flown += missing
 
 
@@ -106,15 +145,3 @@ def _won_in_a_row(dataset: DatasetFolder, seed: int) -> int:
 
 def _seed_of(file: Path) -> int:
     return int(file.stem.rsplit("-", 2)[1])
-
-
-def _environment(source: Source, num_envs: int, threads: int) -> BatchEnvironment:
-    return aerial_il.load_batch(
-        source.robot,
-        source.task,
-        num_envs=num_envs,
-        tier=source.tier,
-        cameras=source.cameras,
-        image_size=source.image_size,
-        num_threads=threads,
-    )

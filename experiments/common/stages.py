@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,7 +27,8 @@ from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.rollouts import evaluate
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite.batch import BatchEnvironment
-from experiments.common.demonstrations import Source, collections, first, gather
+from aerial_il.workflows.generate import Generate, generate
+from experiments.common.demonstrations import Generated, Source, collections, demonstrate, first, gather
 from experiments.common.plain import plain
 from experiments.common.record import Record
 
@@ -178,11 +180,20 @@ class Stages:
     places: dict[str, dict[Path, None]] = field(default_factory=dict, compare=False, repr=False)
 
     def demonstrations(self, source: Source, count: int, *, cameras: tuple[str, ...] = ()) -> Dataset:
-        """Return the first ``count`` successful flights of the expert, flying those that are missing."""
+        """Return the first ``count`` successful flights of a source, flying those that are missing."""
         path = self._dataset(source)
         wanted = max(count, self.most)
-        gather(source, path, wanted, num_envs=self.num_envs, threads=self.threads, progress=self.progress)
+        fly = partial(self._generate if isinstance(source, Generated) else demonstrate, source, path)
+        how = {"num_envs": min(self.num_envs, wanted), "threads": self.threads, "progress": self.progress}
+        gather(path, wanted, source.seed, partial(fly, **how))
         return first(path, count, cameras=cameras)
+
+    def _generate(self, source: Generated, path: Path, flights: int, **how: Any) -> None:
+        """Generate the first ``flights`` seeds of a source that the dataset ``path`` does not hold yet."""
+        shown = self.demonstrations(source.shown, source.few)
+        where = {"dataset": str(shown.path), "sources": source.few, "out": str(path)}
+        what = {"seed": source.seed, "cameras": source.cameras, "image_size": source.image_size}
+        generate(Generate(**where, **what, episodes=flights, **how))
 
     def run_of(self, training: Training) -> Path:
         """Return the folder of a training."""

@@ -30,7 +30,7 @@ from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.suite import tasks as registered
 from aerial_il.workflows.generate import Generate, generate
 from aerial_il.workflows.segment import Segmentation, segment
-from experiments.common.demonstrations import Source, collections
+from experiments.common.demonstrations import GENERATION_SEED, SEEDS_PER_DRAW, Source, collections
 from experiments.common.plain import plain
 from experiments.common.record import RECORD, Record
 from experiments.common.report import Report, Row, Target, bar
@@ -38,7 +38,6 @@ from experiments.common.seeds import EVALUATION_SEED, check_seeds
 from experiments.common.stages import Cloned, Shown, Stages, all_that_decides
 from experiments.common.success import failed_seeds, pooled_rows
 
-GENERATION_SEED, SEEDS_PER_DRAW = 3_000_000, 100_000  # far from demonstrations, practice and evaluations
 GENERATED, BOTH, AS_MANY, ALONE = "generated", "both", "as_many", "alone"
 EXPERT_IN_BOTH = "expert_in_both"
 NOISY, SIX, SIX_IN_BOTH, NEAREST = "noisy", "six", "six_in_both", "nearest"

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
@@ -43,7 +43,7 @@ from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.policy import PerceivingPolicy
 from aerial_il.policies.recurrent import Recurrent
 from aerial_il.suite import tiers
-from experiments.common.demonstrations import NOISE, Source
+from experiments.common.demonstrations import NOISE, Generated, Source
 from experiments.common.record import Record
 from experiments.common.report import Report, Row, Target, bar
 from experiments.common.seeds import EVALUATION_SEED, check_seeds
@@ -125,7 +125,8 @@ class Flight:
     def arm(self) -> Row:
         """The key of a table's row."""
         source = self.training.source
-        method = f"{self.training.method}, {self.changed}" if self.changed else self.training.method
+        out_of = f"out of {source.few}" if isinstance(source, Generated) else ""
+        method = ", ".join(filter(None, (self.training.method, out_of, self.changed)))
         return {"sees": method, "tier": self.tier, "demos": self.training.demos, "task": source.task}
 
 
@@ -143,6 +144,7 @@ class Pixels:
         noise: of the expert that demonstrates. robot, tasks: which cells; arms: of ``ARMS``.
         cameras, image_size: what is seen, height and width in pixels.
         demos: demonstrations of each task. sizes: other numbers of them, tried calm with the first arm.
+        few: all these are generated, with images, out of so many; 0: the expert flies them all.
         flown_in: tiers of evaluations. changes: what the first arm's first training is deprived of besides, in
             the first of them.
         draws: of demonstrations and weights, one training each. repeated: tasks of which all draws are trained, and of
@@ -167,6 +169,7 @@ class Pixels:
     image_size: tuple[int, int] = (64, 64)
     demos: int = 80
     sizes: tuple[int, ...] = ()
+    few: int = 0
     flown_in: tuple[str, ...] = ("calm", "gusts")
     changes: tuple[str, ...] = CONTROLS
     draws: tuple[int, ...] = (0, 1, 2)
@@ -188,8 +191,8 @@ class Pixels:
             tiers.get(tier)
         if set(self.heads) != set(HEADS):
             raise InvalidValueError(f"heads are of the arms {', '.join(HEADS)}; {', '.join(self.heads)} are given.")
-        if min(self.demos, self.episodes, *self.sizes) < 1:
-            raise InvalidValueError("demos, sizes and episodes start at 1.")
+        if min(self.demos, self.episodes, *self.sizes) < 1 or self.few < 0:
+            raise InvalidValueError("demos, sizes and episodes start at 1, few at 0.")
         if not all((self.draws, self.arms, self.cameras, self.tasks, self.flown_in)):
             raise InvalidValueError("draws, arms, cameras, tasks and flown_in name at least one each.")
         if (lost := {*self.changes} - {*CONTROLS}) and self.arms[0] not in SEEING:
@@ -272,6 +275,8 @@ class Pixels:
         source = Source(
             robot=self.robot, task=task, noise=self.noise, draw=draw, cameras=cameras, image_size=self.image_size
         )
+        if self.few:
+            source = Generated(few=self.few, **asdict(source))
         if arm == TRUTH:
             return Cloned(arm, source, demos, self.policy, self.perception.training)
         if arm in (*self.heads, TOLD, ASKED):

@@ -3,9 +3,8 @@
 import json
 import logging
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
@@ -13,10 +12,10 @@ from aerial_il.algorithms.run.folder import METRICS
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.folder import DEMOS, FAILURES
 from experiments.common import demonstrations
-from experiments.common.demonstrations import MOST_PER_DRAW, SEEDS_PER_DRAW, Source
+from experiments.common.demonstrations import GENERATION_SEED, MOST_PER_DRAW, SEEDS_PER_DRAW, Generated, Source
 from experiments.common.record import RECORD, Record, digest
 from experiments.common.seeds import EVALUATION_SEED, TUNING_SEEDS
-from experiments.common.stages import own_time_s, trained_s
+from experiments.common.stages import Stages, own_time_s, trained_s
 
 
 def test_equal_settings_lie_in_one_place_and_others_elsewhere(tmp_path: Path) -> None:
@@ -79,52 +78,52 @@ SOURCE = Source(robot="fa_hexa_arm4", task="reach", draw=1)
 FIRST = SOURCE.seed
 
 
-@pytest.fixture
-def flown(monkeypatch: pytest.MonkeyPatch) -> tuple[set[int], set[int]]:
-    """Seeds flown so far, and seeds to fail; each leaves an empty file, nothing is simulated."""
-    done: set[int] = set()
-    failing: set[int] = set()
-
-    def collect(env: Any, expert: Any, seeds: Iterable[int], out: Path, **_: Any) -> None:
-        for seed in seeds:
-            done.add(seed)
-            keep(out, seed, FAILURES if seed in failing else DEMOS)
-
-    monkeypatch.setattr(demonstrations, "collect", collect)
-    monkeypatch.setattr(demonstrations.aerial_il, "load_batch", lambda *_, **__: SimpleNamespace(close=lambda: None))
-    return done, failing
-
-
 def keep(out: Path, seed: int, kind: str) -> None:
     (out / kind).mkdir(parents=True, exist_ok=True)
     (out / kind / f"fa_hexa_arm4-reach-calm-{seed:06d}-00000000.mcap").touch()
 
 
-def gather(out: Path, wanted: int) -> None:
-    demonstrations.gather(SOURCE, out, wanted, num_envs=4, threads=1, progress=False)
+def gather(out: Path, wanted: int, failing: Iterable[int] = ()) -> set[int]:
+    """Gather demonstrations, of which each leaves an empty file: nothing is simulated. Return the seeds flown."""
+    done = set[int]()
+
+    def fly(flights: int) -> None:
+        for seed in range(FIRST, FIRST + flights):
+            done.add(seed)
+            keep(out, seed, FAILURES if seed in failing else DEMOS)
+
+    demonstrations.gather(out, wanted, FIRST, fly)
+    return done
 
 
-def test_a_failure_costs_one_more_flight(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
-    done, failing = flown
-    failing.update({FIRST + 3, FIRST + 10})
-    gather(tmp_path, 10)
-    assert done == set(range(FIRST, FIRST + 12))
-    gather(tmp_path, 12)
-    assert max(done) == FIRST + 13
+def test_a_failure_costs_one_more_flight(tmp_path: Path) -> None:
+    failing = {FIRST + 3, FIRST + 10}
+    assert gather(tmp_path, 10, failing) == set(range(FIRST, FIRST + 12))
+    assert max(gather(tmp_path, 12, failing)) == FIRST + 13
 
 
-def test_gaps_that_a_kill_left_are_filled(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
+def test_gaps_that_a_kill_left_are_filled(tmp_path: Path) -> None:
     for seed in range(FIRST, FIRST + 20):
         if seed != FIRST + 4:
             keep(tmp_path, seed, DEMOS)
-    gather(tmp_path, 10)
-    assert FIRST + 4 in flown[0], "nineteen files are there, but not the first ten"
+    assert FIRST + 4 in gather(tmp_path, 10), "nineteen files are there, but not the first ten"
 
 
-def test_an_expert_that_always_fails_is_noticed(flown: tuple[set[int], set[int]], tmp_path: Path) -> None:
-    flown[1].update(range(FIRST, FIRST + 100))
-    with pytest.raises(InvalidValueError, match="fails too often"):
-        gather(tmp_path, 10)
+def test_flights_that_always_fail_are_noticed(tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="too many flights fail"):
+        gather(tmp_path, 10, range(FIRST, FIRST + 100))
+
+
+@pytest.mark.render
+def test_demonstrations_are_generated_out_of_the_first_of_the_draw(tmp_path: Path) -> None:
+    stages = Stages(record=Record(tmp_path), threads=1, progress=False)
+    shown = Source(robot="fa_hexa_arm4", task="press_button", draw=1, cameras=("wrist",), image_size=(8, 8))
+    made = stages.demonstrations(Generated(few=2, **asdict(shown)), 3, cameras=("wrist_rgb",))
+    out_of = set(stages.demonstrations(shown, 2).uids)
+    episodes = list(made)
+    assert {episode.provenance["made_of"]["source"] for episode in episodes} <= out_of
+    assert sorted(episode.seed for episode in episodes) == [GENERATION_SEED + shown.seed + k for k in range(3)]
+    assert {episode.obs["wrist_rgb"].shape[1:] for episode in episodes} == {(8, 8, 3)}
 
 
 def test_draws_and_evaluations_share_no_seed() -> None:
