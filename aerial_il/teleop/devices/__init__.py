@@ -7,10 +7,10 @@ are the ``hardware`` of its YAML. Whatever flies is asked as a :class:`aerial_il
 import importlib
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import fields
 from types import ModuleType
 from typing import Any
 
+from aerial_il.core.composition import build
 from aerial_il.core.errors import UnknownNameError
 from aerial_il.teleop.input.hardware import Driver
 from aerial_il.teleop.input.mapping import Bindings, read_bindings, together
@@ -50,20 +50,14 @@ def drivers_of(
 
     Raises:
         UnknownNameError: a device without such settings, or one that has no setting of that name.
+        InvalidValueError: a value of another type than the setting's.
     """
     drivers = {name: _module(name).DRIVER for name in mappings if hasattr(_module(name), "DRIVER")}
     for name in changed or {}:
         if name not in drivers:
             raise UnknownNameError("device with hardware settings among devices=[...]", name, drivers)
-    return {name: _built(name, cls, {**mappings[name].get(HARDWARE, {}), **(changed or {}).get(name, {})})
-            for name, cls in drivers.items()}  # fmt: skip
-
-
-def _built(name: str, driver: type[Driver], settings: Mapping[str, Any]) -> Driver:
-    known = [field.name for field in fields(driver)]  # pyright: ignore[reportArgumentType]
-    if unknown := settings.keys() - set(known):
-        raise UnknownNameError(f"hardware setting of {name}", min(unknown), known)
-    return driver(**settings)
+    settings = {name: {**mappings[name].get(HARDWARE, {}), **(changed or {}).get(name, {})} for name in drivers}
+    return {name: build(driver, settings[name], at=f"hardware.{name}.") for name, driver in drivers.items()}
 
 
 def _module(name: str) -> ModuleType:

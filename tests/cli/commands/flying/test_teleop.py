@@ -92,12 +92,14 @@ def test_it_says_where_the_page_is_serves_it_and_ends_by_ctrl_c(tmp_path: Path) 
         ("devices=[keyboard,leader_arm]", "action=base_joint"),
         ("hardware=[spacemouse.path:x]", "among devices"),
         ("hardware=[spacemouse]", "DEVICE.SETTING:VALUE"),
+        ("devices=[spacemouse] hardware=[spacemouse.path:3]", "hardware.spacemouse.path=3 is not text"),
+        ("devices=[spacemouse] hardware=[spacemouse.pat:/dev/hidraw3]", "hardware.spacemouse.path"),
         ("certificate=x.pem", "key_file"),
         ("port=-1", "port"),
     ],
 )
 def test_what_cannot_be_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], word: str, message: str) -> None:
-    assert main(["teleop", f"out={tmp_path / 'ds'}", word]) == BAD_USAGE
+    assert main(["teleop", f"out={tmp_path / 'ds'}", *word.split()]) == BAD_USAGE
     assert message in capsys.readouterr().err
 
 
