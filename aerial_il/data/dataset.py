@@ -25,6 +25,7 @@ log = logging.getLogger(__name__)
 AHEAD = 2  # episodes that are read while another one is used
 
 COLLECT = "Record some with: aerial-il collect robot=R task=T episodes=100 out={}"
+SEVERAL = "Of several datasets, the first is dataset=PATH, the rest are dataset.others=[PATH,PATH]."
 
 
 class Dataset:
@@ -191,7 +192,8 @@ def open_dataset(
     """
     path = Path(path)
     if not path.exists():
-        raise DemoError(path, "does not exist.", hint=COLLECT.format(path))
+        hint = SEVERAL if str(path).startswith("[") else COLLECT.format(path)
+        raise DemoError(path, "does not exist.", hint=hint)
     wanted = Wanted(
         cameras=cameras, failures=failures, states=states, success=success, control_dt=control_dt,
         filter_key=filter_key, terminals=terminals, strict=strict, memory_mb=memory_mb,
