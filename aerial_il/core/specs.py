@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 
@@ -81,6 +82,10 @@ class Field:
     def is_depth(self) -> bool:
         """Whether it is a depth image, (H, W) float metres."""
         return self.group == "image" and self.dtype == "float32" and len(self.shape) == 2
+
+    def taken_at(self, steps: ArrayLike) -> np.ndarray:
+        """Return in which control steps of an episode the images were taken that are shown in ``steps``."""
+        return np.maximum(np.asarray(steps) - self.delay, 0) // self.every * self.every
 
     def element_labels(self) -> tuple[str, ...]:
         """One label per element: ``name.label``, or ``name.index`` where the field has no labels."""

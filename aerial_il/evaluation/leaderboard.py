@@ -144,7 +144,7 @@ def _what(result: EvaluationResult) -> dict[str, Any]:
 def _name(result: EvaluationResult) -> str:
     """Return a method's name for people, which others may have too."""
     how, seen = result.provenance.get(TRAINED), result.provenance.get("observations")
-    onboard = ", by its cameras" if seen == "onboard" else ""
+    onboard = ", onboard" if seen == "onboard" else ""
     if not isinstance(how, Mapping):
         return f"{result.policy}{onboard}"
     known = {"bc": ""}.get(str(how.get("algorithm")), f", {how.get('algorithm')}")

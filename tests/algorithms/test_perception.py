@@ -222,7 +222,9 @@ def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monke
     with closing(environment("press_button")) as env:
         with pytest.raises(InvalidValueError, match=r"wrist_rgb is taken with \d+ degrees on the tool, not \d+"):
             policy.attach(env)
-        with pytest.raises(InvalidValueError, match=r"another camera 'wrist' .* \(fovy .*Record them again"):
+        with pytest.raises(
+            InvalidValueError, match=r"another camera 'wrist' .* \(fov 90, now 105\).*Record them again"
+        ):
             SMALL.train(open_dataset(shown, cameras=IMAGES), POLICY, run=tmp_path / "again", env=env, collect=collect)
 
 
@@ -258,3 +260,58 @@ def test_a_device_that_is_not_there_is_refused_before_anything_is_learned(shown,
     with pytest.raises(InvalidValueError, match="device=toaster is none that torch knows"):
         trained(shown, tmp_path / "run", replace(SMALL, device="toaster"))
     assert not (tmp_path / "run").exists()
+
+
+def test_several_tasks_are_refused_before_anything_is_learned(shown, tmp_path):
+    with closing(environment("pull_lever")) as env:
+        collect(env, aerial_il.expert("fa_hexa_arm4", "pull_lever"), range(1), tmp_path / "other", progress=False)
+    both = [*open_dataset(shown, cameras=IMAGES), *open_dataset(tmp_path / "other", cameras=IMAGES)]
+    with (
+        closing(environment("press_button")) as env,
+        pytest.raises(InvalidValueError, match="press_button, pull_lever"),
+    ):
+        trained_on(both, tmp_path / "run", env)
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("eyes", [{"encoder": "resnet18"}, {"crop": 0.8}, {"image_features": 8}])
+def test_settings_of_other_eyes_are_refused(shown, tmp_path, eyes):
+    demos, policy = open_dataset(shown, cameras=IMAGES), replace(POLICY, **eyes)
+    refused = pytest.raises(InvalidValueError, match=r"policy\.\w+ is of policies that go from images to actions")
+    with closing(environment("press_button")) as env, refused:
+        SMALL.train(demos, policy, run=tmp_path / "run", env=env, collect=collect, progress=False)
+
+
+def test_a_robot_with_a_fixed_base_looks_through_its_tool_alone(tmp_path):
+    with closing(aerial_il.load_batch("z1", "reach", num_envs=2, cameras=CAMERAS, image_size=(24, 24))) as env:
+        collect(env, aerial_il.expert("z1", "reach"), range(4), tmp_path / "demos", progress=False)
+        demos = open_dataset(tmp_path / "demos", cameras=IMAGES)
+        with pytest.raises(InvalidValueError, match=r"on the base of z1.*images=\[wrist_rgb\]"):
+            trained_on(demos, tmp_path / "run", env)
+        policy = replace(POLICY, images=IMAGES[:1])
+        seeing = SMALL.train(demos, policy, run=tmp_path / "run", env=env, collect=collect, progress=False)
+        attach(seeing, env)
+        assert np.isfinite(seeing.act(env.reset(5))).all()
+
+
+def test_who_takes_over_in_mid_flight_measures_from_where_images_were_taken(shown, tmp_path):
+    """A camera at 10 Hz, a policy that is set anew in its 13th step: from its second look on it is right again."""
+    policy = trained(shown, tmp_path / "run", replace(SMALL, rounds=0))
+    cameras = ("wrist@32x32@10Hz", "base@32x32@10Hz")
+    with closing(aerial_il.load_batch("fa_hexa_arm4", "press_button", num_envs=1, cameras=cameras)) as env:
+        expert = aerial_il.expert("fa_hexa_arm4", "press_button")
+        attach(expert, env)
+        slow = PerceivingPolicy(_seeing(policy.pilot, env.spec), policy.eyes, every=2, forget=0.9)
+        obs, looks = env.reset(9), list[int]()
+        slow.eyes.tell = lambda *_: looks.append(step)
+        for step in range(30):
+            if step == 13:
+                slow.reset()
+            slow.estimate(obs)
+            obs = env.step(expert.act(obs)).obs
+    assert looks == [each for step in (0, 5, 10, 13, 15, 20, 25) for each in (step, step)]
+
+
+def _seeing(pilot, spec):
+    layout = replace(pilot.interface.layout, spec=spec)
+    return type(pilot)(pilot.config, replace(pilot.interface, layout=layout), pilot.network, pilot.origin)

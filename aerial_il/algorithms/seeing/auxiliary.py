@@ -18,6 +18,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import smooth_l1_loss
 
+from aerial_il.algorithms.seeing.measurable import check_cameras, check_labels, check_one_task
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.layout import Layout
@@ -49,7 +50,8 @@ class Hidden:
         """Return what ``layout`` hides of what the demonstrations know.
 
         Raises:
-            InvalidValueError: that is nothing, nothing is looked at, or where a camera is is not known.
+            InvalidValueError: that is nothing, nothing is looked at, where a camera is or was is not known, they are of
+                several tasks, or know it with errors alone.
         """
         spec = layout.spec
         hidden = [name for name in spec.observation.to_be_seen if name not in layout.names]
@@ -57,6 +59,10 @@ class Hidden:
         if not images or not hidden:
             lacking = "nothing is hidden from it" if images else "it sees no colour image"
             raise InvalidValueError(f"The auxiliary loss tells what is hidden from a policy, and {lacking}. {HINT}")
+        check_one_task(demos, "The auxiliary loss")
+        check_cameras(demos, images)
+        for shown in {demo.spec.tier: demo.spec for demo in demos}.values():
+            check_labels(shown, "Record them without: aerial-il collect tier={tier}, or leave auxiliary=0.")
         estimated = Targets.of(spec.observation, [demo.obs for demo in demos], hidden).estimated
         told = tuple(target for target in estimated if {*target.parts} <= {*hidden})
         if not told:
@@ -81,8 +87,7 @@ class Hidden:
         return {camera.image: [self._told(demo, camera) for demo in demos] for camera in self.cameras}
 
     def _told(self, demo: Episode, camera: Camera) -> np.ndarray:
-        field, steps = demo.spec.observation[camera.image], np.arange(len(demo) + 1)
-        taken = np.maximum(steps - field.delay, 0) // field.every * field.every
+        taken = demo.spec.observation[camera.image].taken_at(np.arange(len(demo) + 1))
         obs = {name: demo.obs[name][taken] for name in demo.spec.observation.state_names}
         labels, visible = labels_of(self.targets, camera, obs)
         told = [

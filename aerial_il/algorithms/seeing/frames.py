@@ -11,7 +11,6 @@ from torch import Tensor
 from aerial_il.core.contracts import BatchEnv, Observation, Repainted
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
-from aerial_il.policies.perception.cameras import MOUNTS
 from aerial_il.policies.perception.eyes import Eyes, labels_of
 
 MOST_LOOKS = 2**31
@@ -40,9 +39,8 @@ class Frames:
 
 def kept_fields(eyes: Eyes) -> tuple[str, ...]:
     """Return the fields that frames for some eyes hold."""
-    poses = [name for pair in MOUNTS.values() for name in pair]
     targets = [part for target in eyes.targets.estimated for part in target.parts]
-    return tuple(dict.fromkeys([*(camera.image for camera in eyes.cameras), *poses, *eyes.own, *targets]))
+    return tuple(dict.fromkeys([*(camera.image for camera in eyes.cameras), *eyes.poses, *eyes.own, *targets]))
 
 
 def chosen(flights: Sequence[Episode], count: int, rng: np.random.Generator) -> list[tuple[int, int]]:

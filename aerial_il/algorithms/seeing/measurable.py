@@ -2,50 +2,87 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
+from aerial_il import robots
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.episode import Episode
 from aerial_il.policies.perception.cameras import Camera
+from aerial_il.robots.parts.camera import frame_of
 
 ESTIMATION = "estimation"  # component of a tier
 
 
-def check_labels(spec: EnvSpec) -> None:
+def check_labels(spec: EnvSpec, remedy: str) -> None:
     """Refuse an environment in which frames would be labelled with errors.
 
+    Args:
+        spec: of what they are labelled by. remedy: what to do, said of ``{tier}``, the same without errors.
+
     Raises:
-        InvalidValueError: says how to do without them.
+        InvalidValueError: says it.
     """
     if ESTIMATION in spec.disturbances:
         raise InvalidValueError(
-            f"In tier {spec.tier} objects are shown late and with errors, and frames would be labelled with them. Let "
-            f"it look and fly without: flight_tier={spec.tier}-{ESTIMATION}."
+            f"In tier {spec.tier} objects are shown late and with errors, and images would be labelled with them. "
+            + remedy.format(tier=f"{spec.tier}-{ESTIMATION}")
         )
 
 
-def check_cameras(demo: Episode, model: mujoco.MjModel, images: Sequence[str]) -> None:
+def check_one_task(demos: Iterable[Episode], who: str) -> None:
+    """Refuse demonstrations of several tasks, each of which has things of its own to see.
+
+    Raises:
+        InvalidValueError: names them.
+    """
+    if len(tasks := sorted({demo.spec.task for demo in demos})) > 1:
+        raise InvalidValueError(
+            f"{who} learns to see what one task has, and these are demonstrations of {', '.join(tasks)}. Train one "
+            f"run of each, e.g. of: aerial-il filter PATH out=datasets/{tasks[0]} where=\"task == '{tasks[0]}'\""
+        )
+
+
+def check_cameras(demos: Iterable[Episode], images: Sequence[str]) -> None:
     """Refuse demonstrations that were taken through other cameras than the robot has now.
 
     Raises:
         InvalidValueError: names the camera, and how it differs; or the image that is not one to measure in.
     """
+    for demo in {demo.model_xml: demo for demo in demos}.values():
+        for image in images:
+            if not demo.spec.observation[image].is_colour:
+                raise InvalidValueError(f"It is measured in colour images, and {image!r} has no colours.")
+            Camera.of(demo.spec, image)
+        if demo.model_xml:
+            _check_recorded(demo, [camera_name(image) for image in images])
+
+
+def _check_recorded(demo: Episode, names: Sequence[str]) -> None:
     recorded = compiled(demo.model_xml)
-    for image in images:
-        if not demo.spec.observation[image].is_colour:
-            raise InvalidValueError(f"algorithm=perception looks at colour images, and {image!r} has no colours.")
-        Camera.of(demo.spec, image)
-        name = camera_name(image)
-        then, now = (each.cam(name) for each in (recorded, model))
-        same = {key: np.allclose(getattr(then, key), getattr(now, key), atol=1e-6) for key in ("fovy", "pos", "quat")}
-        if not all(same.values()):
-            differing = ", ".join(f"{k} {getattr(then, k)} != {getattr(now, k)}" for k in same if not same[k])
+    mounted = {camera.name: camera for camera in robots.get(demo.spec.robot).mounted_cameras}
+    for name in names:
+        then, now = recorded.cam(name), mounted[name]
+        turned, (place, turn) = np.empty(9), frame_of(now)
+        mujoco.mju_quat2Mat(turned, then.quat)
+        pairs = {"fov": (then.fovy, now.fov), "pos": (then.pos, place), "axes": (turned, turn.ravel())}
+        differing = [
+            f"{what} {_said(was)}, now {_said(is_)}"
+            for what, (was, is_) in pairs.items()
+            if not np.allclose(was, is_, atol=1e-5)
+        ]
+        if differing:
             raise InvalidValueError(
                 f"The demonstrations were recorded through another camera {name!r} than {demo.spec.robot} has now "
-                f"({differing}): nothing can be measured in their images. Record them again: aerial-il collect."
+                f"({', '.join(differing)}): nothing can be measured in their images. Record them again: "
+                "aerial-il collect."
             )
+
+
+def _said(numbers: ArrayLike) -> str:
+    return " ".join(f"{number:.4g}" for number in np.ravel(numbers))

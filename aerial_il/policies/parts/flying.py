@@ -308,8 +308,12 @@ class FlyingPolicy(ABC):
 
     @property
     def observations(self) -> Observations:
-        """``onboard`` if it acts on nothing that a robot does not have by itself, else ``truth``."""
-        return "onboard" if not {*self._seen} & {*self.spec.observation.to_be_seen} else "truth"
+        """``onboard`` if it acts on nothing that a robot does not have by itself, else ``truth``.
+
+        So it is of environments and data from outside the suite, which do not say what has to be seen.
+        """
+        told = self.spec.is_outside or self.spec.is_foreign or {*self._seen} & {*self.spec.observation.to_be_seen}
+        return "truth" if told else "onboard"
 
     @property
     def task(self) -> str:

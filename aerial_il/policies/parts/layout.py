@@ -75,7 +75,8 @@ class Layout:
         An environment from outside the suite that shows no positions has nothing to anchor.
         """
         hidden = {name for name in spec.observation.state_names if any(fnmatch(name, p) for p in config.masked_fields)}
-        hidden |= {*spec.observation.to_be_seen} if TO_BE_SEEN in config.masked_fields else set()
+        if TO_BE_SEEN in config.masked_fields:
+            hidden |= _to_be_seen(spec, config)
         counted_from = {config.anchor, *(TOOL if config.relative else ())}
         unseen = (
             () if config.obs_names else tuple(n for n in spec.observation.state_names if n in hidden & counted_from)
@@ -282,6 +283,18 @@ def to_offsets(layout: Layout, actions: np.ndarray, history: np.ndarray) -> np.n
     actions, moving = actions.copy(), slice(0, layout.moving.sum())
     actions[..., moving] = layout.counted(actions[..., moving], layout.origin_of(history[:, -1:]))
     return actions
+
+
+def _to_be_seen(spec: EnvSpec, config: PolicySettings) -> set[str]:
+    """Return what a robot does not know by itself, of which a configuration that hides it may show nothing."""
+    hidden = {*spec.observation.to_be_seen}
+    for key, names in (("obs_names", config.obs_names), ("anchor", (config.anchor,))):
+        if shown := hidden.intersection(names):
+            raise InvalidValueError(
+                f"policy.{key} shows {min(shown)}, and observations=onboard hides it: a robot does not know it by "
+                f"itself. It knows {', '.join(n for n in spec.observation.state_names if n not in hidden)}."
+            )
+    return hidden
 
 
 def _is_position(field: Field) -> bool:

@@ -63,7 +63,8 @@ class Camera:
         """Return the camera that takes an image of ``spec``.
 
         Raises:
-            InvalidValueError: nobody knows where it is: not a robot of the suite, or a camera that stands in the scene.
+            InvalidValueError: nobody knows where it is: not a robot of the suite, a camera that stands in the scene, or
+                one on a base that does not tell where it stands.
         """
         name, (height, width) = camera_name(image), spec.observation[image].shape[:2]
         try:
@@ -80,6 +81,11 @@ class Camera:
                 "camera that stands in the scene is not on board."
             )
         camera = carried[name]
+        if not {*MOUNTS[camera.on]} <= {*spec.observation.names}:
+            raise InvalidValueError(
+                f"{image!r} is taken by a camera on the base of {spec.robot}, which does not tell where that stands: "
+                "nothing can be measured in its images. Look through a camera of the tool, policy.images=[wrist_rgb]."
+            )
         quat = look_along(np.array(camera.forward), up=camera.up)
         offset = np.array(robot.tool_offset) if camera.on == "tool" else np.zeros(3)
         rot = np.reshape(mat_from_quat(tuple(quat)), (3, 3))

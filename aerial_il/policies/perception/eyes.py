@@ -14,7 +14,7 @@ from aerial_il.core.contracts import Observation
 from aerial_il.core.specs import EnvSpec, ObservationSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.policies.parts.relative import rotations
-from aerial_il.policies.perception.cameras import Camera, Pose
+from aerial_il.policies.perception.cameras import MOUNTS, Camera, Pose
 from aerial_il.policies.perception.network import Eye, told_of
 from aerial_il.policies.perception.relations import sources_of
 from aerial_il.policies.perception.targets import NUMBER, PLACE, Target, Targets
@@ -71,6 +71,12 @@ class Eyes(nn.Module):
         shapes = [spec.observation[image].shape for image in images]
         sizes = [(height, width) for height, width, _ in shapes]
         return Eyes(targets, cameras, sizes, own, 4 + spec.observation.size(own), width)
+
+    @property
+    def poses(self) -> tuple[str, ...]:
+        """Fields by which it is known where its cameras are, and the tool."""
+        mounts = ("tool", *(camera.mount for camera in self.cameras))
+        return tuple(dict.fromkeys(name for mount in mounts for name in MOUNTS[mount]))
 
     def known(self, obs: Observation, pose: Pose) -> np.ndarray:
         """Return (n, K) float32 what a camera's network is told: how it is held, how high, and the robot's own."""

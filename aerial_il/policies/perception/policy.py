@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 import torch
@@ -21,12 +22,11 @@ from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import ChunkNetwork, Shown, state_of
 from aerial_il.policies.parts.noise import glimpses
 from aerial_il.policies.parts.prefixed import below, under
-from aerial_il.policies.perception.cameras import MOUNTS, Camera
+from aerial_il.policies.perception.cameras import Camera
 from aerial_il.policies.perception.eyes import Carried, Eyes
 from aerial_il.policies.perception.tracker import Tracker
 
 PERCEPTION, PILOT, EYES, TRACKER, PAST = "perception", "pilot", "eyes", "tracker", "past"
-OWN_POSE = tuple(name for pair in MOUNTS.values() for name in pair)
 
 
 class PerceivingPolicy(ChunkPolicy):
@@ -46,6 +46,7 @@ class PerceivingPolicy(ChunkPolicy):
         self.pilot, self.eyes, self.every, self.forget = pilot, eyes.eval(), every, forget
         self._tracker = Tracker(eyes.targets.estimated, forget, eyes.targets.rates)
         self._steps, self._past = np.zeros(0, int), dict[str, np.ndarray]()
+        self._looks = {camera.image: Looks(self._taken(camera.image), every) for camera in eyes.cameras}
 
     def look(self, obs: Observation) -> Question | None:
         return super().look({**obs, **self.estimate(obs)})
@@ -63,7 +64,7 @@ class PerceivingPolicy(ChunkPolicy):
         self._remember(obs, begins)
         self._tracker.begin(begins)
         self._tracker.move(*Carried.between(self._knew(1), obs))
-        due = [self._due(camera.image) for camera in self.eyes.cameras]
+        due = [self._looks[camera.image].due(obs[camera.image], self._steps) for camera in self.eyes.cameras]
         self._tracker.fade(np.any(due, axis=0))
         for k, (camera, mask) in enumerate(zip(self.eyes.cameras, due, strict=True)):
             if mask.any():
@@ -75,16 +76,10 @@ class PerceivingPolicy(ChunkPolicy):
     def _taken(self, image: str) -> Field:
         return self.spec.observation[image]
 
-    def _due(self, image: str) -> np.ndarray:
-        """Return in which worlds (n,) bool an image is shown that is to be looked at."""
-        taken = self._taken(image)
-        every, age = taken.every * -(-self.every // taken.every), self._steps - taken.delay
-        return (self._steps == 0) | ((age > 0 if taken.delay else age >= 0) & (age % every == 0))
-
     def _remember(self, obs: Observation, begins: np.ndarray) -> None:
         """Keep what the robots know of themselves for as long as images are late, at least for a step."""
         kept = 1 + max(1, *(self._taken(camera.image).delay for camera in self.eyes.cameras))
-        for name in {*OWN_POSE, *self.eyes.own}:
+        for name in {*self.eyes.poses, *self.eyes.own}:
             now = np.asarray(obs[name], float)[None]
             past = self._past.get(name, np.repeat(now, kept, axis=0))
             past = np.concatenate([past[1:], now])
@@ -119,6 +114,8 @@ class PerceivingPolicy(ChunkPolicy):
     def memory(self) -> dict[str, np.ndarray]:
         own = {"steps": self._steps.copy(), **under(TRACKER, self._tracker.memory())}
         own |= under(PAST, {name: past.copy() for name, past in self._past.items()})
+        for image, looks in self._looks.items():
+            own |= under(image, looks.memory())
         return {**super().memory(), **under(EYES, own)}
 
     def recall(self, memory: Mapping[str, np.ndarray]) -> None:
@@ -127,6 +124,8 @@ class PerceivingPolicy(ChunkPolicy):
         self._steps = own["steps"].copy()
         self._past = {name: past.copy() for name, past in below(PAST, own).items()}
         self._tracker.recall(below(TRACKER, own))
+        for image, looks in self._looks.items():
+            looks.recall(below(image, own))
 
     def to_checkpoint(self) -> Checkpoint:
         pilot = self.pilot.to_checkpoint()
@@ -154,6 +153,41 @@ class PerceivingPolicy(ChunkPolicy):
         targets = self.eyes.targets
         found = {each.field for each in (*targets.estimated, *targets.sums, *targets.rates)} | {*targets.constant}
         return tuple(name for name in super()._seen if name not in found)
+
+
+class Looks:
+    """When a camera's image is to be looked at, in n worlds: at first, and then whenever it is due and a new one.
+
+    New ones of a camera that takes one in each control step come by the clock. Those of a slower one are known by being
+    others than before: who takes over in the middle of a flight does not know when it takes them.
+
+    Args:
+        taken: the field of its images. every: control steps from one look to the next, at least.
+    """
+
+    def __init__(self, taken: Field, every: int) -> None:
+        self._taken, self._every = taken, every
+        self._marks, self._since = np.zeros(0, np.int64), np.zeros(0, np.int64)
+
+    def due(self, images: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """Return in which worlds (n,) bool the images (n, H, W, 3) are to be looked at, so many ``steps`` (n,) on."""
+        if self._taken.every == 1:
+            age = steps - self._taken.delay
+            return (steps == 0) | ((age > 0 if self._taken.delay else age >= 0) & (age % self._every == 0))
+        marks = np.array([crc32(np.ascontiguousarray(image)) for image in images])
+        if len(self._marks) != len(marks):
+            self._marks, self._since = marks, np.zeros_like(marks)
+        due = (steps == 0) | ((marks != self._marks) & (self._since >= self._every))
+        self._marks, self._since = np.where(due, marks, self._marks), np.where(due, 1, self._since + 1)
+        return due
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Return what it remembers."""
+        return {"marks": self._marks.copy(), "since": self._since.copy()}
+
+    def recall(self, memory: Mapping[str, np.ndarray]) -> None:
+        """Go on from what :meth:`memory` returned."""
+        self._marks, self._since = memory["marks"].copy(), memory["since"].copy()
 
 
 class StateOnly(ChunkNetwork):

@@ -32,11 +32,13 @@ class Sight:
         self.images, self._spec = policy.interface.layout.images, policy.spec.observation
         self._policy = policy.fresh() if isinstance(policy, PerceivingPolicy) else None
         self._obs: dict[str, np.ndarray] = {}
+        self._past = list[dict[str, np.ndarray]]()  # its states so far
         self._estimates: Mapping[str, np.ndarray] = {}
 
     def look(self, obs: Observation) -> None:
-        """Take in what world 0 shows in a step."""
+        """Take in what world 0 shows, at the start of an episode and after each of its steps."""
         self._obs = {name: values[:1] for name, values in obs.items()}
+        self._past.append({name: self._obs[name] for name in self._spec.state_names if name in self._obs})
         if self._policy is not None:
             self._estimates = self._policy.estimate(self._obs)
 
@@ -66,24 +68,29 @@ class Sight:
 
     def _mark(self, draw: ImageDraw.ImageDraw, camera: Camera, size: tuple[int, int]) -> None:
         assert self._policy is not None
-        sure = self._policy.deviations
+        sure, taken = self._policy.deviations, self._spec[camera.image].taken_at(len(self._past) - 1)
+        then = self._past[int(taken)]
         places = [target for target in self._policy.eyes.targets.estimated if target.kind == PLACE]
         for k, place in enumerate(places):
-            found = self._pixel(camera, self._estimates[place.field], size)
+            found = self._pixel(camera, then, self._estimates[place.field], size)
             if found is not None:
                 (x, y), per_metre = found
                 radius, colour = max(LEAST * size[1], sure[place.field][0] * per_metre), ESTIMATES[k % len(ESTIMATES)]
                 draw.ellipse((x - radius, y - radius, x + radius, y + radius), outline=colour, width=2)
-            known = {*place.parts} <= {*self._obs}
-            if known and (found := self._pixel(camera, place.values(self._obs), size)) is not None:
+            known = {*place.parts} <= {*then}
+            if known and (found := self._pixel(camera, then, place.values(then), size)) is not None:
                 (x, y), half = found[0], SIDE * size[1]
                 draw.rectangle((x - half, y - half, x + half, y + half), outline=TRUTH)
 
     def _pixel(
-        self, camera: Camera, place: np.ndarray, size: tuple[int, int]
+        self, camera: Camera, then: Observation, place: np.ndarray, size: tuple[int, int]
     ) -> tuple[tuple[float, float], float] | None:
-        """Return where a place (1, 3) lies in a picture, and how many pixels a metre has there; None outside."""
-        own = camera.pose(self._obs).seen(place)
+        """Return where a place (1, 3) lies in a picture, and how many pixels a metre has there; None outside.
+
+        Args:
+            then: what the robot knew of itself when it was taken.
+        """
+        own = camera.pose(then).seen(place)
         if not camera.in_view(own)[0]:
             return None
         across, up, log_depth = camera.project(own)[0]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import repeat, zip_longest
@@ -20,7 +20,7 @@ import numpy as np
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
-from aerial_il.core.contracts import BatchEnv, Policy, StepResult
+from aerial_il.core.contracts import BatchEnv, Observation, Policy, StepResult
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import write_atomic, writing
 from aerial_il.core.places import MADE_BY
@@ -173,10 +173,11 @@ def _moments(
     """Fly again, look on, and yield what there is to say whenever a picture is due."""
     assert flight.actions is not None
     length, done = len(flight.actions), np.zeros(len(env.spec.subtasks), dtype=bool)
-    for step, result in enumerate(fly_again(env, episode.seed, flight.actions)):
+    look = None if sight is None else sight.look
+    for step, result in enumerate(fly_again(env, episode.seed, flight.actions, begins=look)):
         done |= result.info["subtasks"][0]
-        if sight is not None:
-            sight.look(result.obs)
+        if look is not None:
+            look(result.obs)
         last = step == length - 1
         if step % stride and not last:
             continue
@@ -221,10 +222,18 @@ def sight_of(policy: Policy | None) -> Sight | None:
     return Sight(policy)
 
 
-def fly_again(env: BatchEnv, seed: int, actions: np.ndarray) -> Iterator[StepResult]:
-    """Step world 0 through recorded actions (T, Da) from its seed; yield what comes of each."""
+def fly_again(
+    env: BatchEnv, seed: int, actions: np.ndarray, *, begins: Callable[[Observation], None] | None = None
+) -> Iterator[StepResult]:
+    """Step world 0 through recorded actions (T, Da) from its seed; yield what comes of each.
+
+    Args:
+        begins: called with what it shows before the first.
+    """
     only_first = np.arange(env.num_envs) == 0
-    env.reset(np.full(env.num_envs, seed), only_first)
+    obs = env.reset(np.full(env.num_envs, seed), only_first)
+    if begins is not None:
+        begins(obs)
     batch = np.tile(actions[0], (env.num_envs, 1))
     for action in actions:
         batch[0] = action

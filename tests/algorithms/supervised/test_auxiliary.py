@@ -11,7 +11,7 @@ import torch
 from torch.nn.functional import smooth_l1_loss
 
 import aerial_il
-from aerial_il import policies
+from aerial_il import policies, robots
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.dagger import DAgger
 from aerial_il.algorithms.run.folder import read_metrics
@@ -193,3 +193,18 @@ def test_what_a_run_that_tells_learned_from_is_known_again(demos: list[Episode],
     policy = ["policy=mlp", "policy.hidden=[8]", "policy.images=[wrist_rgb,base_rgb]", "observations=onboard"]
     assert main(["train", "dataset=demos", "run=run", "threads=1", "progress=false", *policy, *told]) == 0
     assert len(learned_from(read_run("run"), "demos").kept) == 2
+
+
+def test_labels_that_would_be_wrong_are_refused(demos: list[Episode], monkeypatch: pytest.MonkeyPatch) -> None:
+    spec = demos[0].spec
+    late = replace(spec, tier="gusts", disturbances={**spec.disturbances, "estimation": 1.0})
+    with pytest.raises(InvalidValueError, match="collect tier=gusts-estimation"):
+        hidden_of([replace(demo, spec=late) for demo in demos])
+    other = replace(demos[0], spec=replace(spec, task="pull_lever"))
+    with pytest.raises(InvalidValueError, match="press_button, pull_lever"):
+        hidden_of([*demos, other])
+    robot = robots.get("fa_hexa_arm4")
+    moved = tuple(replace(camera, pos=(0.0, 0.1, 0.0)) for camera in robot.mounted_cameras)
+    monkeypatch.setattr(robots, "get", lambda name: replace(robot, cameras=moved))
+    with pytest.raises(InvalidValueError, match="another camera 'wrist'"):
+        hidden_of(demos)

@@ -37,3 +37,19 @@ def test_onboard_without_images_is_refused(tmp_path):
     settings = Train(dataset=Dataset(path=str(tmp_path)), run=str(tmp_path / "run"), observations="onboard")
     with pytest.raises(InvalidValueError, match=r"policy\.images=\[wrist_rgb,base_rgb\]"):
         train(settings)
+
+
+@pytest.mark.parametrize(
+    "shown",
+    [{"obs_names": ("ee_pos", "ee_rot6d", "button_pos")}, {"anchor": "button_pos"}],
+)
+@pytest.mark.render
+def test_what_is_hidden_cannot_be_shown_by_another_setting(shown):
+    env = aerial_il.load_batch("ua_quad_arm4", "press_button", num_envs=1, cameras=("wrist",), image_size=(32, 32))
+    with closing(env), pytest.raises(InvalidValueError, match=r"shows button_pos, and observations=onboard hides it"):
+        fresh_policy("mlp", spec=env.spec, masked_fields=(TO_BE_SEEN,), images=("wrist_rgb",), **shown)
+
+
+def test_what_others_do_not_say_is_taken_for_the_truth():
+    with closing(aerial_il.load_gymnasium("CartPole-v1")) as env:
+        assert fresh_policy("mlp", spec=env.spec, masked_fields=(), anchor=None, relative=False).observations == "truth"

@@ -168,6 +168,6 @@ def _judge(settings: Evaluate) -> None:
         print(f"Report: {judged.written.page}")
     print(f"{pilot.robot} {pilot.task} {judged.tier}: success {result.headline()}")
     if result.provenance.get("observations") == "onboard":
-        print("It was shown images and what its robot knows of itself, but not where objects are.")
+        print("It acted on what is known on board, and was not told where objects are.")
     if pilot.reference.env:
         print(f"Return {result.return_line()}")
