@@ -2,26 +2,29 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from aerial_il.core.specs import Group
 from aerial_il.data.source import Rows
 
+MILLIMETRE = 1e-3
 SMALLEST = 8  # pixels a side of what is a picture although its type does not tell
 
 
 class Kind(NamedTuple):
-    """What a field holds: colour (H, W, 3) uint8, depth (H, W) float32, or numbers float64.
+    """What a field holds: colour (H, W, 3) uint8, depth (H, W) float32 m, or numbers float64.
 
-    ``first``: the channels of its rows come first in the file.
+    ``first``: the channels of its rows come first in the file. ``scale``: by which depth is multiplied; whole numbers
+    are millimetres, as depth cameras give them (ROS REP 118).
     """
 
     shape: tuple[int, ...]
     group: Group
     dtype: str
     first: bool = False
+    scale: float = 1.0
 
     @staticmethod
     def of(values: Rows, group: Group = "proprio") -> Kind:
@@ -37,9 +40,9 @@ class Kind(NamedTuple):
             if channels in (3, 4):
                 return Kind((height, width, 3), "image", "uint8", first)
             if channels == 1:
-                return Kind((height, width), "image", "uint8" if values.dtype == np.uint8 else "float32", first)
+                return _grey((height, width), values.dtype, first)
         if len(row) == 2 and pictured:
-            return Kind(row, "image", "uint8" if values.dtype == np.uint8 else "float32")
+            return _grey(row, values.dtype)
         return Kind(row, group, "float64")
 
     def held(self, values: np.ndarray) -> np.ndarray:
@@ -55,7 +58,15 @@ class Kind(NamedTuple):
             values = values[..., :3]
             if values.dtype.kind == "f":
                 values = _bytes(values)
-        return values.reshape(-1, *self.shape).astype(self.dtype, copy=False)
+        values = values.reshape(-1, *self.shape).astype(self.dtype, copy=False)
+        return values if self.scale == 1.0 else values * np.asarray(self.scale, self.dtype)
+
+
+def _grey(shape: tuple[int, ...], dtype: np.dtype[Any], first: bool = False) -> Kind:
+    """Return what pictures (H, W) of a type are: brightness in bytes, all else depth."""
+    if dtype == np.uint8:
+        return Kind(shape, "image", "uint8", first)
+    return Kind(shape, "image", "float32", first, MILLIMETRE if dtype.kind == "u" else 1.0)
 
 
 def _bytes(colours: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from aerial_il.data.borders import cuts, ends_of, oddities, piece
 from aerial_il.data.check import SERIES, Gate, require_whole
 from aerial_il.data.conversion import Agreed, episode, taken
 from aerial_il.data.episode import Episode
-from aerial_il.data.pictures import Kind
+from aerial_il.data.pictures import MILLIMETRE, Kind
 from aerial_il.data.source import Raw, Source, Wanted
 
 log = logging.getLogger(__name__)
@@ -256,6 +256,8 @@ def _unsaid(source: Source, wanted: Wanted, agreed: Agreed, marks: Sequence[Mark
         yield "rewards of zero, as none is said"
     if (count := sum(mark.open for mark in marks)) and wanted.terminals is None:
         yield f"{count} ends as open, as it is not said that they are terminal (terminals=true where they are)"
+    for name in (name for name, kind in agreed.kinds.items() if kind.scale == MILLIMETRE):
+        yield f"the whole numbers of the depth images {name} as millimetres"
     if source.filters and wanted.filter_key is None:
         yield f"all episodes, although it names parts of them (filter_key={', '.join(sorted(source.filters))})"
 

@@ -13,6 +13,7 @@ from weakref import WeakSet
 import mujoco
 import numpy as np
 
+from aerial_il.core.rendering import require_rendering
 from aerial_il.core.seeding import named_rng
 from aerial_il.suite.cameras import CameraRequest
 from aerial_il.suite.disturbances.lens import through_lens
@@ -115,6 +116,10 @@ class Renderer(mujoco.Renderer):
     an environment that was forgotten, and collected later, took textures and buffers of one still in use with it.
     """
 
+    def __init__(self, model: mujoco.MjModel, height: int, width: int) -> None:
+        require_rendering("looking at the scene")
+        super().__init__(model, height, width)
+
     def render(self, *, out: np.ndarray | None = None) -> np.ndarray:
         """Return an image as MuJoCo's renderer does, and with EGL let any thread draw the next one."""
         image = super().render(out=out)
@@ -127,9 +132,9 @@ class Renderer(mujoco.Renderer):
 
     def close(self) -> None:
         """Free what it holds, in its own context."""
-        if self._gl_context is not None:
+        if getattr(self, "_gl_context", None) is not None:  # else it was refused, or is closed
             self._gl_context.make_current()
-        super().close()
+            super().close()
 
 
 class FrameRenderer:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,12 @@ from aerial_il.policies import find_lerobot, load_any_policy
 from aerial_il.workflows.parts.pilots import pilot
 from tests.algorithms.point_mass import PointMassBatch
 
-STATE, ENVIRONMENT, ACTION = "observation.state", "observation.environment_state", "action"
+STATE, ENVIRONMENT, ACTION, IMAGES = (
+    "observation.state",
+    "observation.environment_state",
+    "action",
+    "observation.images.",
+)
 SIZES = {STATE: 10, ENVIRONMENT: 6, ACTION: 10}
 
 
@@ -36,7 +42,14 @@ def save_diffusion(folder: Path, scheduler: str) -> None:
     saved(folder, DiffusionPolicy, DiffusionConfig, horizon=8, n_action_steps=3, noise_scheduler_type=scheduler, **tiny)
 
 
-def saved(folder: Path, policy_class: Any, config_class: Any, **settings: Any) -> tuple[Any, Any, Any]:
+def saved(
+    folder: Path,
+    policy_class: Any,
+    config_class: Any,
+    *,
+    images: Mapping[str, tuple[int, ...]] | None = None,
+    **settings: Any,
+) -> tuple[Any, Any, Any]:  # fmt: skip
     from lerobot.configs import FeatureType, PolicyFeature
     from lerobot.policies import make_pre_post_processors
 
@@ -44,6 +57,7 @@ def saved(folder: Path, policy_class: Any, config_class: Any, **settings: Any) -
     kinds = {STATE: FeatureType.STATE, ENVIRONMENT: FeatureType.ENV, ACTION: FeatureType.ACTION}
     features = {name: PolicyFeature(kind, (SIZES[name],)) for name, kind in kinds.items()}
     output = {ACTION: features.pop(ACTION)}
+    features |= {f"{IMAGES}{name}": PolicyFeature(FeatureType.VISUAL, shape) for name, shape in (images or {}).items()}
     config = config_class(input_features=features, output_features=output, device="cpu", **settings)
     draws = {
         "mean": torch.randn,
@@ -51,7 +65,8 @@ def saved(folder: Path, policy_class: Any, config_class: Any, **settings: Any) -
         "min": lambda n: -torch.ones(n),
         "max": torch.ones,
     }
-    statistics = {name: {which: draw(size) for which, draw in draws.items()} for name, size in SIZES.items()}
+    sizes = {**SIZES, **{f"{IMAGES}{name}": 3 for name in images or {}}}
+    statistics = {name: {which: draw(size) for which, draw in draws.items()} for name, size in sizes.items()}
     policy = policy_class(config).eval()
     encode, decode = make_pre_post_processors(config, dataset_stats=statistics)
     for part in (policy, encode, decode):
@@ -122,6 +137,13 @@ def test_a_run_of_the_trainer_is_found_and_tells_its_cell(folder: Path) -> None:
     assert (where.robot, where.task, where.action, where.cameras) == ("ua_quad_arm4", "reach", "ee_pose", ())
     with pytest.raises(InvalidValueError, match="attached"):
         aerial_il.load_policy(str(run)).act(PointMassBatch(1).reset(0))
+
+
+def test_each_camera_has_the_size_that_it_was_trained_with(tmp_path: Path) -> None:
+    images = {"wrist": (3, 64, 80), "base": (3, 96, 64)}
+    save(tmp_path / "policy", n_action_steps=3, images=images, pretrained_backbone_weights=None)
+    where = pilot(str(tmp_path / "policy"), robot=None, task=None, action=None).reference
+    assert where.cameras == ("wrist@64x80", "base@96x64")
 
 
 def test_another_environment_is_refused_and_both_sizes_are_named(folder: Path) -> None:

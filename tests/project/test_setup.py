@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import aerial_il
 from aerial_il.core import rendering
 from aerial_il.core.errors import AerialError
 
@@ -101,6 +102,8 @@ def test_a_machine_without_pictures_says_what_to_install(monkeypatch: pytest.Mon
     assert not rendering.can_render()
     with pytest.raises(AerialError, match=r"cameras=\[wrist\] needs rendering.*apt-get install -y libegl1"):
         rendering.require_rendering("cameras=[wrist]")
+    with pytest.raises(AerialError, match="looking at the scene needs rendering"):
+        aerial_il.load_batch("quad", "hover", num_envs=1, cameras=("wrist",), image_size=(16, 16))
 
 
 def test_a_back_end_that_does_not_exist_is_not_chosen() -> None:

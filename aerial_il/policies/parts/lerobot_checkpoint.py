@@ -41,7 +41,7 @@ class LerobotPolicy:
         folder: with ``config.json`` and ``model.safetensors``.
 
     Attributes:
-        cameras: names of the cameras that it looks through. image_size: height and width of their images, or None.
+        cameras: that it looks through, with the sizes of their images, such as ``wrist@64x64``.
         cell: robot and task that its dataset tells, or None. sha256: of its files.
 
     Raises:
@@ -56,8 +56,7 @@ class LerobotPolicy:
         self._inputs = {name: tuple(feature.shape) for name, feature in config.input_features.items()}
         self._size = int(config.output_features[ACTION].shape[0])
         images = {n.removeprefix(IMAGES): shape for n, shape in self._inputs.items() if n.startswith(IMAGES)}
-        self.cameras = tuple(images)
-        self.image_size = next(((h, w) for _, h, w in images.values()), None)
+        self.cameras = tuple(f"{name}@{height}x{width}" for name, (_, height, width) in images.items())
         self.cell = _cell(folder)
         self.sha256 = _digest(folder)
         self._policy, self._encode, self._decode = _load(folder, config)

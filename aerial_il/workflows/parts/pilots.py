@@ -33,7 +33,6 @@ from aerial_il.workflows.parts import typed_code
 from aerial_il.workflows.parts.environments import (
     DEFAULT_ACTION,
     DEFAULT_CONTROLLER,
-    IMAGE_SIZE,
     EnvironmentReference,
     key_of,
     reference_of,
@@ -185,10 +184,7 @@ def _from_lerobot(source: str, folder: Path, *, robot: str | None, task: str | N
         raise InvalidValueError(f"{source} does not state what it was trained on: set robot=... and task=... too.")
     if policy.cameras:
         require_rendering(f"a policy that sees {', '.join(policy.cameras)}")
-    size = policy.image_size or IMAGE_SIZE
-    where = EnvironmentReference(
-        robot=robot, task=task, action=action or DEFAULT_ACTION, cameras=policy.cameras, image_size=size
-    )
+    where = EnvironmentReference(robot=robot, task=task, action=action or DEFAULT_ACTION, cameras=policy.cameras)
     return _pilot(policy, source, where)
 
 

@@ -77,6 +77,18 @@ def test_a_scalar_is_a_vector_and_odd_fields_are_told(tmp_path: Path, caplog: py
     assert "more is not in all demonstrations" in caplog.text
 
 
+def test_depth_in_whole_numbers_is_millimetres(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    far = np.arange(10 * 16 * 16, dtype=np.uint16).reshape(10, 16, 16)
+    pictures = {"near_depth": far.astype(np.float32) / 1000, "far_depth": far[..., None]}
+    file = robomimic(tmp_path / "depth.hdf5", demo(10, 1.0, obs={"pos": np.ones((10, 3)), **pictures}))
+    (episode,) = open_dataset(file, cameras=tuple(pictures))
+    for name in pictures:
+        assert episode.obs[name].dtype == np.float32
+        np.testing.assert_allclose(episode.obs[name][:10], far / 1000, rtol=1e-6)
+    assert "the whole numbers of the depth images far_depth as millimetres" in caplog.text
+    assert "near_depth as" not in caplog.text
+
+
 def test_success_is_what_a_file_says_or_what_is_asked_for(tmp_path: Path) -> None:
     file = robomimic(tmp_path / "failed.hdf5", demo(10, 1.0), demo(10, 2.0, rewards=np.zeros(10)))
     said = lambda **answers: [episode.success for episode in open_dataset(file, **answers)]  # noqa: E731
