@@ -38,8 +38,8 @@ from aerial_il.algorithms.interactive.problem import Collect
 from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER_RUN
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder, flown_in
-from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, chosen, drawn, kept_fields
-from aerial_il.algorithms.seeing.measurable import check_cameras, check_labels, check_one_task
+from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, check_room, chosen, drawn, kept_fields
+from aerial_il.algorithms.seeing.measurable import check_cameras, check_eyes, check_labels, check_one_task, looked_for
 from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision, require_device
 from aerial_il.algorithms.supervised.training_set import split
@@ -55,12 +55,12 @@ from aerial_il.data.dataset import open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.policies import load_policy
 from aerial_il.policies.parts.chunk_policy import ChunkPolicy
-from aerial_il.policies.parts.layout import TO_BE_SEEN, Layout
+from aerial_il.policies.parts.layout import TO_BE_SEEN
 from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.eyes import Eyes
 from aerial_il.policies.perception.network import loss_of, told_of
 from aerial_il.policies.perception.policy import PerceivingPolicy
-from aerial_il.policies.perception.targets import PLACE, Targets
+from aerial_il.policies.perception.targets import PLACE
 
 FLIGHTS = "flights"
 
@@ -162,11 +162,12 @@ class Perception:
         check_one_task(demos, "algorithm=perception")
         check_labels(env.spec, "Let it look and fly without: flight_tier={tier}.")
         check_cameras(demos, policy.images)
-        _check_eyes(policy)
+        check_eyes(policy)
+        check_room(demos[0].spec, policy.images, self.frames + self.redrawn + self.rounds * self.flown)
         told = tuple(name for name in policy.masked_fields if name != TO_BE_SEEN)
         state = replace(policy, images=(), masked_fields=told)
         shown, held_out = split(demos, self.validation, seed=seed)
-        targets = _looked_for(shown, state)
+        targets = looked_for(shown, state)
         clone = self.training.train(demos, state, run=run / PRIOR, seed=seed, resume=resume, progress=progress)
         pilot = clone if self.execute == 0 else flying_its_newest(clone, self.execute)
         described = {
@@ -192,28 +193,6 @@ def flying_its_newest(policy: ChunkPolicy, steps: int) -> ChunkPolicy:
     """Return a policy that flies its newest chunk alone, for ``steps`` or all of it, before it predicts again."""
     config = replace(policy.config, execute=min(steps, policy.config.chunk), ensemble=None)
     return ChunkPolicy(config, policy.interface, policy.network, policy.origin)
-
-
-def _looked_for(demos: Sequence[Episode], state: PolicySettings) -> Targets:
-    """Return what is to be estimated for a policy of the state."""
-    spec = demos[0].spec
-    targets = Targets.of(spec.observation, [demo.obs for demo in demos], Layout.of(spec, state).names)
-    if not targets.estimated:
-        raise InvalidValueError(
-            f"In these {len(demos)} demonstrations nothing varies that {spec.task} has to be looked for, so that there "
-            "is nothing to learn to see: record more, of other seeds."
-        )
-    return targets
-
-
-def _check_eyes(policy: PolicySettings) -> None:
-    """Refuse settings of eyes that are learned end to end: here they would do nothing."""
-    for name in ("encoder", "crop", "image_features"):
-        if getattr(policy, name) != getattr(type(policy)(), name):
-            raise InvalidValueError(
-                f"policy.{name} is of policies that go from images to actions; algorithm=perception has networks of "
-                "its own: see algorithm.width."
-            )
 
 
 def _without_images(demo: Episode) -> Episode:

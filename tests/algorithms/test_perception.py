@@ -262,6 +262,12 @@ def test_a_device_that_is_not_there_is_refused_before_anything_is_learned(shown,
     assert not (tmp_path / "run").exists()
 
 
+def test_frames_that_memory_does_not_hold_are_refused_before_anything_is_learned(shown, tmp_path):
+    with pytest.raises(InvalidValueError, match=r"take [\d.]+ GiB of memory.*image_size=\[64,64\]"):
+        trained(shown, tmp_path / "run", replace(SMALL, frames=10**9))
+    assert not (tmp_path / "run").exists()
+
+
 def test_several_tasks_are_refused_before_anything_is_learned(shown, tmp_path):
     with closing(environment("pull_lever")) as env:
         collect(env, aerial_il.expert("fa_hexa_arm4", "pull_lever"), range(1), tmp_path / "other", progress=False)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from torch import Tensor
 
+from aerial_il.core.computer import free_memory_bytes
 from aerial_il.core.contracts import BatchEnv, Observation, Repainted
+from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import EnvSpec
 from aerial_il.core.tensors import tensor
 from aerial_il.data.episode import Episode
 from aerial_il.policies.perception.eyes import Eyes, labels_of
 
-MOST_LOOKS = 2**31
+MOST_LOOKS, GIB = 2**31, 2**30
 Moments = Sequence[tuple[int, int]]  # flight, step
 
 
@@ -35,6 +39,21 @@ class Frames:
         """Return all steps of ``parts``, which have the same fields."""
         listed = list(parts)
         return Frames({name: np.concatenate([part[name] for part in listed]) for name in listed[0]})
+
+
+def check_room(spec: EnvSpec, images: Sequence[str], count: int) -> None:
+    """Refuse more frames, or larger ones, than memory holds; when they are joined each is there twice.
+
+    Raises:
+        InvalidValueError: says how much they take, and how it would be less.
+    """
+    wanted = 2 * count * sum(math.prod(spec.observation[image].shape) for image in images)
+    if wanted > (room := free_memory_bytes()):
+        raise InvalidValueError(
+            f"{count} frames of {', '.join(images)} take {wanted / GIB:.1f} GiB of memory, of which {room / GIB:.1f} "
+            "GiB are free. Look at smaller ones (aerial-il collect image_size=[64,64]), or at fewer (algorithm.frames, "
+            "algorithm.redrawn, algorithm.flown)."
+        )
 
 
 def kept_fields(eyes: Eyes) -> tuple[str, ...]:

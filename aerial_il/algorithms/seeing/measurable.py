@@ -1,4 +1,4 @@
-"""Whether anything can be measured in the images that an estimator is to learn from, and is labelled as it is."""
+"""What is measured in the images that an estimator is to learn from, and whether that can be, and is labelled truly."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.episode import Episode
+from aerial_il.policies.parts.layout import Layout
+from aerial_il.policies.parts.network import PolicySettings
 from aerial_il.policies.perception.cameras import Camera
+from aerial_il.policies.perception.targets import Targets
 from aerial_il.robots.parts.camera import frame_of
 
 ESTIMATION = "estimation"  # component of a tier
@@ -61,6 +64,36 @@ def check_cameras(demos: Iterable[Episode], images: Sequence[str]) -> None:
             Camera.of(demo.spec, image)
         if demo.model_xml:
             _check_recorded(demo, [camera_name(image) for image in images])
+
+
+def check_eyes(policy: PolicySettings) -> None:
+    """Refuse settings of eyes that are learned end to end: beside an estimator they would do nothing.
+
+    Raises:
+        InvalidValueError: names the setting.
+    """
+    for name in ("encoder", "crop", "image_features"):
+        if getattr(policy, name) != getattr(type(policy)(), name):
+            raise InvalidValueError(
+                f"policy.{name} is of policies that go from images to actions; algorithm=perception has networks of "
+                "its own: see algorithm.width."
+            )
+
+
+def looked_for(demos: Sequence[Episode], state: PolicySettings) -> Targets:
+    """Return what is to be estimated for a policy of the state.
+
+    Raises:
+        InvalidValueError: nothing varies in the demonstrations.
+    """
+    spec = demos[0].spec
+    targets = Targets.of(spec.observation, [demo.obs for demo in demos], Layout.of(spec, state).names)
+    if not targets.estimated:
+        raise InvalidValueError(
+            f"In these {len(demos)} demonstrations nothing varies that has to be looked for in {spec.task}, so that "
+            "there is nothing to learn to see: record more, of other seeds."
+        )
+    return targets
 
 
 def _check_recorded(demo: Episode, names: Sequence[str]) -> None:
