@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 
 import mujoco
 import numpy as np
@@ -20,6 +21,7 @@ from aerial_il.policies.perception.targets import Targets
 from aerial_il.robots.parts.camera import frame_of
 
 ESTIMATION = "estimation"  # component of a tier
+END_TO_END = ("encoder", "crop", "image_features")  # settings of eyes that are learned with what acts
 
 
 def check_labels(spec: EnvSpec, remedy: str) -> None:
@@ -72,11 +74,11 @@ def check_eyes(policy: PolicySettings) -> None:
     Raises:
         InvalidValueError: names the setting.
     """
-    for name in ("encoder", "crop", "image_features"):
-        if getattr(policy, name) != getattr(type(policy)(), name):
+    for each in fields(policy):
+        if each.name in END_TO_END and getattr(policy, each.name) != each.default:
             raise InvalidValueError(
-                f"policy.{name} is of policies that go from images to actions; algorithm=perception has networks of "
-                "its own: see algorithm.width."
+                f"policy.{each.name} is of policies that go from images to actions; algorithm=perception has networks "
+                "of its own: see algorithm.width."
             )
 
 
