@@ -223,7 +223,7 @@ def test_other_cameras_than_were_learned_with_are_refused(shown, tmp_path, monke
         with pytest.raises(InvalidValueError, match=r"wrist_rgb is taken with \d+ degrees on the tool, not \d+"):
             policy.attach(env)
         with pytest.raises(
-            InvalidValueError, match=r"another camera 'wrist' .* \(fov 90, now 105\).*Record them again"
+            InvalidValueError, match=r"other cameras than .*\(wrist: fov 90, now 105.*Record them again"
         ):
             SMALL.train(open_dataset(shown, cameras=IMAGES), POLICY, run=tmp_path / "again", env=env, collect=collect)
 

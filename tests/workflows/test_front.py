@@ -1,6 +1,7 @@
 """The package's front: settings of the commands, threads, cameras, learned rewards, and what is returned."""
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 import aerial_il
+from aerial_il import robots
 from aerial_il.algorithms.dac import DAC
 from aerial_il.algorithms.sac import SAC
 from aerial_il.cli import commands
@@ -23,6 +25,7 @@ from aerial_il.policies.squashed_gaussian import SquashedGaussian
 from aerial_il.presentation import analysis
 from aerial_il.suite import outside
 from aerial_il.workflows.parts import pilots, run_results, training_resources
+from aerial_il.workflows.parts.demonstrations import warn_of_changes
 from aerial_il.workflows.parts.pilots import pilot
 from tests.algorithms.drift import MAX_STEPS, Drift, demonstrations
 
@@ -172,3 +175,19 @@ def test_datasets_are_made_of_others(tmp_path: Path) -> None:
     assert sorted(kept.uids) == sorted(gusts.uids)
     parts = aerial_il.split(tmp_path / "both", parts=["a=0.6", "b=0.4"], out=tmp_path / "parts", progress=False)
     assert {name: len(part) for name, part in parts.items()} == {"a": 3, "b": 2}
+
+
+@pytest.mark.render
+def test_cameras_that_have_moved_since_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    data = tmp_path / "seen"
+    pictures = ["cameras=[wrist]", "image_size=[20,24]", "episodes=1", "progress=false"]
+    assert main(["collect", *CELL, *pictures, f"out={data}"]) == 0
+    warn_of_changes(str(data))
+    assert "cameras" not in caplog.text
+    robot = robots.get("ua_quad_arm4")
+    wider = tuple(replace(camera, fov=120.0) for camera in robot.mounted_cameras)
+    monkeypatch.setattr(robots, "get", lambda name: replace(robot, cameras=wider))
+    warn_of_changes(str(data))
+    assert "other cameras than ua_quad_arm4 has today (wrist: fov 90, now 120)" in caplog.text

@@ -5,20 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import fields
 
-import mujoco
-import numpy as np
-from numpy.typing import ArrayLike
-
-from aerial_il import robots
 from aerial_il.core.errors import InvalidValueError
-from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.data.episode import Episode
 from aerial_il.policies.parts.layout import Layout
 from aerial_il.policies.parts.network import PolicySettings
-from aerial_il.policies.perception.cameras import Camera
+from aerial_il.policies.perception.cameras import Camera, changed_cameras
 from aerial_il.policies.perception.targets import Targets
-from aerial_il.robots.parts.camera import frame_of
 
 ESTIMATION = "estimation"  # component of a tier
 END_TO_END = ("encoder", "crop", "image_features")  # settings of eyes that are learned with what acts
@@ -64,8 +57,11 @@ def check_cameras(demos: Iterable[Episode], images: Sequence[str]) -> None:
             if not demo.spec.observation[image].is_colour:
                 raise InvalidValueError(f"It is measured in colour images, and {image!r} has no colours.")
             Camera.of(demo.spec, image)
-        if demo.model_xml:
-            _check_recorded(demo, [camera_name(image) for image in images])
+        if changed := changed_cameras(demo.model_xml, demo.spec.robot, [camera_name(image) for image in images]):
+            raise InvalidValueError(
+                f"The demonstrations were recorded through other cameras than {demo.spec.robot} has now ({changed}): "
+                "nothing can be measured in their images. Record them again: aerial-il collect."
+            )
 
 
 def check_eyes(policy: PolicySettings) -> None:
@@ -96,28 +92,3 @@ def looked_for(demos: Sequence[Episode], state: PolicySettings) -> Targets:
             "there is nothing to learn to see: record more, of other seeds."
         )
     return targets
-
-
-def _check_recorded(demo: Episode, names: Sequence[str]) -> None:
-    recorded = compiled(demo.model_xml)
-    mounted = {camera.name: camera for camera in robots.get(demo.spec.robot).mounted_cameras}
-    for name in names:
-        then, now = recorded.cam(name), mounted[name]
-        turned, (place, turn) = np.empty(9), frame_of(now)
-        mujoco.mju_quat2Mat(turned, then.quat)
-        pairs = {"fov": (then.fovy, now.fov), "pos": (then.pos, place), "axes": (turned, turn.ravel())}
-        differing = [
-            f"{what} {_said(was)}, now {_said(is_)}"
-            for what, (was, is_) in pairs.items()
-            if not np.allclose(was, is_, atol=1e-5)
-        ]
-        if differing:
-            raise InvalidValueError(
-                f"The demonstrations were recorded through another camera {name!r} than {demo.spec.robot} has now "
-                f"({', '.join(differing)}): nothing can be measured in their images. Record them again: "
-                "aerial-il collect."
-            )
-
-
-def _said(numbers: ArrayLike) -> str:
-    return " ".join(f"{number:.4g}" for number in np.ravel(numbers))

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import mujoco
 import numpy as np
+from numpy.typing import ArrayLike
 
 from aerial_il import robots
 from aerial_il.core.contracts import Observation
 from aerial_il.core.errors import InvalidValueError, UnknownNameError
 from aerial_il.core.rotations import mat_from_quat
+from aerial_il.core.scene_gate import compiled
 from aerial_il.core.specs import EnvSpec, camera_name
 from aerial_il.policies.parts.relative import rotations
-from aerial_il.robots.parts.camera import look_along
+from aerial_il.robots.parts.camera import frame_of, look_along
 
 MOUNTS: Mapping[str, tuple[str, str]] = {"base": ("base_pos", "base_rot6d"), "tool": ("ee_pos", "ee_rot6d")}
 NEAREST_M = 0.02  # what is nearer than that to the lens, or behind it, is not seen
@@ -148,3 +151,30 @@ class Camera:
         """Undo :meth:`to_dict`."""
         rot, pos = np.array(raw["rot"], float).reshape(3, 3), np.array(raw["pos"], float)
         return Camera(raw["image"], raw["mount"], rot, pos, float(raw["slope"]), float(raw["aspect"]))
+
+
+def changed_cameras(model_xml: str, robot: str, names: Iterable[str]) -> str:
+    """Return in words how cameras of a recorded scene are not those that the robot has now; nothing if they are.
+
+    Args:
+        model_xml: of the scene; nothing is said of none. robot: its name. names: of the cameras that matter; those that
+            it does not carry do not.
+    """
+    mounted = {camera.name: camera for camera in robots.get(robot).mounted_cameras if camera.name in {*names}}
+    if not model_xml or not mounted:
+        return ""
+    recorded, found = compiled(model_xml), list[str]()
+    for name, now in mounted.items():
+        then, turned, (place, turn) = recorded.cam(name), np.empty(9), frame_of(now)
+        mujoco.mju_quat2Mat(turned, then.quat)
+        pairs = {"fov": (then.fovy, now.fov), "pos": (then.pos, place), "axes": (turned, turn.ravel())}
+        found += [
+            f"{name}: {what} {_said(was)}, now {_said(is_)}"
+            for what, (was, is_) in pairs.items()
+            if not np.allclose(was, is_, atol=1e-5)
+        ]
+    return "; ".join(found)
+
+
+def _said(numbers: ArrayLike) -> str:
+    return " ".join(f"{number:.4g}" for number in np.ravel(numbers))

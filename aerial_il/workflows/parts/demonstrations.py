@@ -6,6 +6,7 @@ from functools import partial
 from itertools import islice, zip_longest
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.core.specs import camera_name
 from aerial_il.data.dataset import Dataset, open_dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.joined import Joined
@@ -91,7 +92,7 @@ def _open_all(path: str, *, images: Sequence[str], failures: bool, states: bool,
 
 
 def warn_of_changes(path: str, reading: Reading = AS_IT_SAYS) -> None:
-    """Say what has changed since demonstrations were recorded: the meaning of their tier, or the engine."""
+    """Say what has changed since demonstrations were recorded: the meaning of their tier, the engine, or cameras."""
     from aerial_il.data.provenance import engine_of
     from aerial_il.suite.changes import engine_note, tier_note
 
@@ -99,10 +100,23 @@ def warn_of_changes(path: str, reading: Reading = AS_IT_SAYS) -> None:
         note
         for episode in open_dataset(path, **reading.answers, states=False).one_of_each()
         if not episode.spec.is_outside
-        for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)))
+        for note in (tier_note(episode.spec), engine_note(engine_of(episode.provenance)), camera_note(episode))
         if note
     ):
         log.warning("%s: %s It is learned from as it is.", path, note)
+
+
+def camera_note(episode: Episode) -> str:
+    """Return a sentence where the robot has other cameras today than recorded the images of a flight, else nothing."""
+    from aerial_il import robots
+    from aerial_il.policies.perception.cameras import changed_cameras
+
+    spec = episode.spec
+    if spec.robot not in robots.names():
+        return ""
+    seen = [camera_name(field.name) for field in spec.observation.of_group("image")]
+    changed = changed_cameras(episode.model_xml, spec.robot, seen)
+    return f"Its images were taken through other cameras than {spec.robot} has today ({changed})." if changed else ""
 
 
 def check_origin(path: str, expected: Mapping[str, str], reading: Reading = AS_IT_SAYS) -> None:

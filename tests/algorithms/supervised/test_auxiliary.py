@@ -206,5 +206,5 @@ def test_labels_that_would_be_wrong_are_refused(demos: list[Episode], monkeypatc
     robot = robots.get("fa_hexa_arm4")
     moved = tuple(replace(camera, pos=(0.0, 0.1, 0.0)) for camera in robot.mounted_cameras)
     monkeypatch.setattr(robots, "get", lambda name: replace(robot, cameras=moved))
-    with pytest.raises(InvalidValueError, match="another camera 'wrist'"):
+    with pytest.raises(InvalidValueError, match=r"\(wrist: .*; wrist: pos|\(wrist: pos"):
         hidden_of(demos)
