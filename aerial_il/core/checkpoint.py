@@ -98,6 +98,11 @@ def digest(checkpoint: Checkpoint) -> str:
     return _sha256(_sealed(_encode(checkpoint))[MANIFEST])
 
 
+def sealed_digest(folder: str | os.PathLike[str]) -> str:
+    """Return the :func:`digest` of what is saved in ``folder``, which is not read."""
+    return _sha256(_read(Path(folder) / MANIFEST, MAX_MANIFEST_BYTES))
+
+
 def step_folder(run: str | os.PathLike[str], step: int) -> Path:
     """Return the folder of the checkpoint that a run takes after ``step`` steps."""
     return Path(run) / FOLDER / f"{step:08d}"

@@ -16,6 +16,7 @@ MOST_ROWS = 40_000  # steps that are kept of all episodes together
 MOST_VALUES = 12  # different values that are counted of an entry of the provenance
 OF_ONE_FLIGHT = ("seed", "drawn")  # of the provenance
 NO_PHASE = "none"
+OTHERS = "others"  # values that are not counted apart
 
 
 @dataclass(eq=False)
@@ -74,6 +75,11 @@ class Coverage:
         return True
 
     @property
+    def episodes(self) -> int:
+        """How many were added, of other environments too."""
+        return len(self._solved) + self.others
+
+    @property
     def sees_images_alone(self) -> bool:
         """Whether there are no states."""
         return not self.spec.observation.state_names
@@ -119,5 +125,5 @@ class Coverage:
         for key, value in dotted(origin).items():
             counted = self.origin.setdefault(key, Counter())
             text = str(value)
-            if value != {} and (text in counted or len(counted) <= MOST_VALUES):
-                counted[text] += 1
+            if value != {}:
+                counted[text if text in counted or len(counted) < MOST_VALUES else OTHERS] += 1

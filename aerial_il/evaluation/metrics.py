@@ -9,6 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from aerial_il.core.composition import fits
+from aerial_il.core.schema import hints_of
 from aerial_il.core.seeding import named_rng
 from aerial_il.core.specs import EnvSpec
 from aerial_il.evaluation.statistics import bootstrap_mean, wilson
@@ -81,11 +83,15 @@ class EpisodeRecord:
             KeyError, TypeError: it lacks something, or says something else than such a record does.
         """
         rest = {key: value for key, value in raw.items() if key not in ("return", "success")}
-        if type(raw["seed"]) is not int or raw["end"] not in ENDS or not isinstance(raw["subtasks"], Mapping):
+        if type(raw["seed"]) is not int or raw["end"] not in ENDS:
             raise TypeError(f"episode {raw['seed']!r} that ended as {raw['end']!r}")
         if not all(isinstance(raw[name], int | float) and math.isfinite(raw[name]) for name in ("return", "steps")):
             raise TypeError(f"return {raw['return']!r} and steps {raw['steps']!r} of episode {raw['seed']}")
-        return EpisodeRecord(return_=raw["return"], **rest)
+        record, hints = EpisodeRecord(return_=raw["return"], **rest), hints_of(EpisodeRecord)
+        for name, value in vars(record).items():
+            if not fits(value, hints[name]):
+                raise TypeError(f"{name} {value!r} of episode {raw['seed']}")
+        return record
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -22,6 +22,7 @@ from aerial_il.evaluation.traces import Trace
 SCHEMA = "aerial_il.evaluation/1"
 FILE_NAME = "evaluation.json"
 PATHS_NAME = "ee_paths.npz"
+TRASH = "trash"  # where pruned runs are put, below the folder that was looked into
 PATH_TOLERANCE_M = 0.002  # less than a pixel of a report
 
 
@@ -165,8 +166,11 @@ def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
         episodes = tuple(EpisodeRecord.from_dict(entry) for entry in raw["per_episode"])
         head = {key: raw[key] for key in ("robot", "task", "tier", "policy", "provenance")}
         stated = raw["episodes"], raw["success"]["count"]
+        _check_head(head)
     except (KeyError, TypeError, AttributeError) as error:
         raise InvalidValueError(f"{path}: not an evaluation: {error}.") from error
+    if len({tuple(episode.subtasks) for episode in episodes}) > 1:
+        raise InvalidValueError(f"{path}: its episodes have other sub-tasks than each other.")
     if repeated := sorted(seed for seed, times in Counter(e.seed for e in episodes).items() if times > 1):
         raise InvalidValueError(f"{path}: lists seed {repeated[0]} more than once; a seed is one flight.")
     listed = len(episodes), sum(episode.success for episode in episodes)
@@ -174,6 +178,25 @@ def load_result(path: str | os.PathLike[str]) -> EvaluationResult:
         says = "{} episodes with {} successes"
         raise InvalidValueError(f"{path}: states {says.format(*stated)}, but lists {says.format(*listed)}.")
     return EvaluationResult(episodes=episodes, flights=_load_paths(path.with_name(PATHS_NAME)), **head)
+
+
+def _check_head(head: Mapping[str, Any]) -> None:
+    """Raise TypeError where what is said of all episodes has another type than an evaluation's."""
+    origin = head["provenance"]
+    texts = all(isinstance(head[key], str) for key in ("robot", "task", "tier", "policy"))
+    inside = isinstance(origin, Mapping) and all(
+        isinstance(origin.get(key, {}), Mapping) for key in ("environment", "trained")
+    )
+    if not (texts and inside):
+        raise TypeError("robot, task, tier and policy are texts, provenance and what it tells of both are objects")
+
+
+def find_results(folder: Path) -> Iterator[Path]:
+    """Yield the folders that hold an evaluation, by name; the trash, links and hidden folders are not entered."""
+    for place, inner, files in os.walk(folder):
+        inner[:] = sorted(name for name in inner if name != TRASH and not name.startswith("."))
+        if FILE_NAME in files:
+            yield Path(place)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -12,15 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from aerial_il.core.errors import AerialError, InvalidValueError, UnknownNameError
+from aerial_il.evaluation.result import TRASH
 from aerial_il.evaluation.training_run import CONFIG, METRICS, TrainingRun, is_run, read_run
 
 NO_RUN = "holds no training run"
-TRASH = "trash"  # where pruned runs are put, below the folder that was looked into
 _INSIDE = {"checkpoints", "tensorboard", "policy", "best", "wandb", "mlruns", TRASH}  # of runs; no runs are in them
 _CONDITION = re.compile(r"(?P<key>[^=!<>~]+)(?P<sign>!=|<=|>=|=|<|>|~)(?P<value>.*)", re.DOTALL)
-_SIGNS: Mapping[str, Callable[[Any, Any], bool]] = {
-    "=": lambda a, b: a == b,
-    "!=": lambda a, b: a != b,
+_ORDERED: Mapping[str, Callable[[Any, Any], bool]] = {
     "<": lambda a, b: a < b,
     "<=": lambda a, b: a <= b,
     ">": lambda a, b: a > b,
@@ -59,7 +57,9 @@ class RunCollection:
         row |= {axis: settings.get(axis) for axis in self.axes}
         row |= {"steps": run.steps, "loss": losses[-1] if losses else None}
         row |= {"success": last.rate if last else None, "ci95": list(last.ci95) if last else None}
-        return row | {name: result.success["rate"] for name, result in run.judged.items()}
+        own = {*row, *settings}
+        judged = {f"evaluation/{n}" if n in own else n: each.success["rate"] for n, each in run.judged.items()}
+        return row | judged
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -95,13 +95,16 @@ class RunCollection:
     def _condition(self, text: str) -> tuple[str, Callable[[Any], bool]]:
         parts = _CONDITION.fullmatch(text.strip())
         if parts is None:
-            raise InvalidValueError(f"where={text} is not a condition; give KEY=VALUE, or one of {' '.join(_SIGNS)}.")
+            signs = " ".join(("=", "!=", *_ORDERED))
+            raise InvalidValueError(f"where={text} is not a condition; give KEY=VALUE, or one of {signs}.")
         sign, text_wanted = parts["sign"], parts["value"].strip()
         wanted = _read(text_wanted)
 
         def holds(value: Any) -> bool:
+            if sign in ("=", "!="):
+                return (value == wanted or str(value) == text_wanted) == (sign == "=")
             try:
-                return bool(_SIGNS[sign](value, wanted)) or (sign == "=" and str(value) == text_wanted)
+                return bool(_ORDERED[sign](value, wanted))
             except TypeError:  # a run without this number, or text compared with one
                 return False
 
@@ -151,7 +154,7 @@ def axes_of(runs: Sequence[TrainingRun]) -> dict[str, list[Any]]:
 
 def settings_of(run: TrainingRun) -> dict[str, Any]:
     """Return a run's settings by the names that are typed: ``algorithm.lr``, ``policy.chunk``, ``seed``."""
-    named = {f"algorithm.{k[9:]}" if k.startswith("settings.") else k: value for k, value in run.settings.items()}
+    named = {f"algorithm.{k[9:]}" if k.startswith("settings.") else k: value for k, value in run.setup.items()}
     return {"seed": run.seed, **named}
 
 

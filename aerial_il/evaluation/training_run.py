@@ -17,6 +17,7 @@ from aerial_il.evaluation.result import FILE_NAME, EvaluationResult, load_result
 from aerial_il.evaluation.statistics import wilson
 
 CONFIG, METRICS, FINAL = "config.yaml", "metrics.jsonl", "policy"
+BEST = "best"  # folder of the policy that rollouts chose
 PROVENANCE, COMMAND = "provenance.json", "command.json"
 SUCCESS, EPISODES, REWARD = "evaluate/success", "evaluate/episodes", "evaluate/mean_reward"
 FLOWN = "flight_steps"  # of a round
@@ -24,6 +25,7 @@ SETTLING = 0.02  # share of a run's steps before it is expected to hold what its
 BY_CHANCE = ("seed", "dataset.digest", "dataset.frames", "dataset.transitions")  # what a seed changes
 PLACES = ("path", "others")  # of the datasets, as they were typed
 LEARNED_FROM = (*PLACES, "weights", "latency_ms", "language")  # what a command says of them that no config does
+ON_THE_WAY = ("evaluate_tier", "evaluate_seed", "evaluate_episodes")  # what rollouts differ in, and no weight
 
 
 @dataclass(frozen=True)
@@ -126,8 +128,15 @@ class TrainingRun:
     def settings(self) -> dict[str, Any]:
         """Dotted settings -> values, without those that a seed changes."""
         said = self.command.get("dataset", {})
-        learned_from = {f"dataset.{name}": said[name] for name in LEARNED_FROM if said.get(name)}
+        taken = {**{name: said.get(name) for name in LEARNED_FROM}, **(said.get("reading") or {})}
+        learned_from = {f"dataset.{name}": value for name, value in taken.items() if value}
         return {key: value for key, value in (dotted(self.config) | learned_from).items() if key not in BY_CHANCE}
+
+    @cached_property
+    def setup(self) -> dict[str, Any]:
+        """All but chance that runs are told apart by: settings, and how they were evaluated on the way."""
+        said = self.command.get("settings", {}) if self.rollouts else {}
+        return {**self.settings, **{name: said[name] for name in ON_THE_WAY if said.get(name) is not None}}
 
 
 def rollouts_of(rows: Sequence[Mapping[str, Any]]) -> list[Rollouts]:

@@ -66,7 +66,12 @@ def _commit(policy: ChunkPolicy) -> str:
 
 
 def _success(result: EvaluationResult | None) -> str:
-    return f"{result.headline()}, {plain(result.tier)}, in simulation" if result else "not evaluated"
+    if result is None:
+        return "not evaluated"
+    environment = result.provenance.get("environment") or {}
+    how = [f"{name} {environment[name]}" for name in ("latency", "execution") if environment.get(name)]
+    cell = f"{result.robot} {result.task}, {result.tier}"
+    return f"{result.headline()}, {plain(', '.join((cell, *how)))}, in simulation"
 
 
 def _row(field: Field) -> tuple[str, str, str, str]:

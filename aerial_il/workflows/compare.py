@@ -52,9 +52,9 @@ def compare(settings: Compare) -> Comparison | Ranking:
 
 def _results(place: str) -> dict[str, EvaluationResult]:
     """Return name -> evaluation of all that lie in a place."""
-    from aerial_il.evaluation.result import FILE_NAME, load_result
+    from aerial_il.evaluation.result import FILE_NAME, find_results, load_result
 
     path = Path(place)
     if path.is_file() or (path / FILE_NAME).exists() or not path.is_dir():
         return {place: load_result(place)}
-    return {str(file.parent): load_result(file) for file in sorted(path.rglob(FILE_NAME))}
+    return {str(folder): load_result(folder) for folder in find_results(path)}

@@ -68,12 +68,14 @@ def leaderboard(settings: Settings, *, told: Callable[[str], None]) -> tuple[Lea
 
 
 def _results(settings: Settings) -> dict[str, EvaluationResult]:
-    from aerial_il.evaluation.result import FILE_NAME, load_result
+    from aerial_il.evaluation.result import find_results, load_result
 
     found: dict[str, EvaluationResult] = {}
     for place in map(Path, settings.result):
-        files = sorted(place.rglob(FILE_NAME)) if place.is_dir() else [place]
-        found |= {str(file.parent): load_result(file) for file in files}
+        if place.is_dir():
+            found |= {str(folder): load_result(folder) for folder in find_results(place)}
+        else:
+            found[str(place.parent)] = load_result(place)
     if not found:
         raise InvalidValueError(
             f"result={list(settings.result)} holds no evaluation. Make one: aerial-il evaluate policy=... out=..."

@@ -12,6 +12,7 @@ from aerial_il.core.errors import InvalidValueError
 from aerial_il.workflows.parts.names import at_least
 
 if TYPE_CHECKING:
+    from aerial_il.evaluation.curves import LearningPoint
     from aerial_il.evaluation.training_run import TrainingRun
 
 PAGE = "report.html"
@@ -44,6 +45,8 @@ class Report:
         at_least(self, videos=0)
         if not self.result:
             raise InvalidValueError("result=[] names nothing to report: give a folder, e.g. aerial-il report runs/NAME")
+        if too_few := [count for count in self.learning_curve if count < 1]:
+            raise InvalidValueError(f"learning_curve: {too_few[0]} demonstrations; their number starts at 1.")
 
 
 def report(settings: Report) -> Path:
@@ -125,7 +128,6 @@ def _of_session(settings: Report, flown: list[str]) -> Path:
 
 
 def _of_evaluation(settings: Report) -> Path:
-    from aerial_il.evaluation.curves import LearningPoint
     from aerial_il.evaluation.result import load_result
     from aerial_il.presentation.pages.report import write_report
     from aerial_il.workflows.parts import results
@@ -139,9 +141,26 @@ def _of_evaluation(settings: Report) -> Path:
         footage=results.footage_of(folder, result),
         run=settings.run,
         dataset=results.summary_of(settings.dataset) if settings.dataset else None,
-        learning_curve=[LearningPoint(n, load_result(place)) for n, place in settings.learning_curve.items()],
+        learning_curve=_curve(settings.learning_curve),
         command=str(result.provenance.get("command", "")),
     )
+
+
+def _curve(places: Mapping[int, str]) -> list[LearningPoint]:
+    """Return the points of a learning curve.
+
+    Raises:
+        InvalidValueError: one is of another robot, task or tier than the others.
+    """
+    from aerial_il.evaluation.curves import LearningPoint
+    from aerial_il.evaluation.result import load_result
+
+    points = [LearningPoint(count, load_result(place)) for count, place in places.items()]
+    cells = {p.demonstrations: f"{p.result.robot} {p.result.task} {p.result.tier}" for p in points}
+    if len({*cells.values()}) > 1:
+        said = ", ".join(f"{count}: {cell}" for count, cell in cells.items())
+        raise InvalidValueError(f"learning_curve: its evaluations are not of one robot, task and tier ({said}).")
+    return points
 
 
 def _of_run(settings: Report, run: TrainingRun) -> Path:
@@ -158,6 +177,7 @@ def _of_run(settings: Report, run: TrainingRun) -> Path:
         prediction_note=note,
         rewarded=rewarded,
         footage=films,
+        flown_by_others=run_results.flown_by_others(run),
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -60,12 +59,13 @@ def runs(settings: Runs) -> Listed:
     from aerial_il.workflows.parts.pruning import prune
 
     collection, evaluations = _with_evaluations(read_runs(settings.folder))
+    found = len(collection.runs)
     if settings.where:
         collection = collection.where(parts(settings.where))
         chosen = {run.path for run in collection.runs}
         evaluations = {place: row for place, row in evaluations.items() if not chosen.isdisjoint(place.parents)}
     collection = collection.sorted_by(settings.sort) if settings.sort else collection
-    page = _page(collection) if settings.page else None
+    page = _page(collection, found, settings.where) if settings.page else None
     delete = settings.prune == "delete"
     gone = [prune(run, collection.folder, delete=delete) for run in collection.runs] if settings.prune else []
     return Listed(collection, tuple(evaluations.values()), page, tuple(gone))
@@ -73,11 +73,11 @@ def runs(settings: Runs) -> Listed:
 
 def _with_evaluations(collection: RunCollection) -> tuple[RunCollection, dict[Path, dict[str, Any]]]:
     """Return folder -> row of the evaluation in it, and the runs, whose folder is no longer refused for having none."""
-    from aerial_il.evaluation.result import load_result
+    from aerial_il.evaluation.result import find_results, load_result
     from aerial_il.evaluation.run_collection import NO_RUN
 
     rows, refused = dict[Path, dict[str, Any]](), dict[Path, str]()
-    for place in _evaluated(collection.folder):
+    for place in find_results(collection.folder):
         try:
             rows[place] = _row(os.path.relpath(place, collection.folder), load_result(place))
         except AerialError as error:
@@ -87,26 +87,16 @@ def _with_evaluations(collection: RunCollection) -> tuple[RunCollection, dict[Pa
     return replace(collection, refused={**refused, **known}), rows
 
 
-def _evaluated(folder: Path) -> Iterator[Path]:
-    """Yield the folders that hold an evaluation, by name; the trash, links and hidden folders are not entered."""
-    from aerial_il.evaluation.result import FILE_NAME
-    from aerial_il.evaluation.run_collection import TRASH
-
-    for place, inner, files in os.walk(folder):
-        inner[:] = sorted(name for name in inner if name != TRASH and not name.startswith("."))
-        if FILE_NAME in files:
-            yield Path(place)
-
-
 def _row(name: str, result: EvaluationResult) -> dict[str, Any]:
     said = {key: getattr(result, key) for key in ("policy", "robot", "task", "tier")}
     success = {"success": result.success["rate"], "ci95": list(result.success["ci95"])}
     return {"evaluation": name, **said, **success, "episodes": len(result.episodes)}
 
 
-def _page(collection: RunCollection) -> Path:
+def _page(collection: RunCollection, found: int, where: str | None) -> Path:
     from aerial_il.presentation.pages.run_report import write_runs_report
 
     if not collection.runs:
         raise InvalidValueError(f"{collection.folder} has no such run, so there is no page to write.")
-    return write_runs_report(collection.folder / PAGE, collection.runs, refused=collection.refused)
+    chosen = f"Chosen of {found} runs: {where}. What is chosen by its success looks better than it is." if where else ""
+    return write_runs_report(collection.folder / PAGE, collection.runs, refused=collection.refused, chosen=chosen)

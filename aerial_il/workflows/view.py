@@ -221,8 +221,20 @@ def _find(place: Path, seed: int | None) -> Path:
     files = [file for kind in KINDS for file in DatasetFolder(place).files(kind)] or sorted(place.glob("*.mcap"))
     if not files:
         raise DemoError(place, "holds no MCAP recordings.", hint=f"See what it holds: aerial-il info {place}")
-    chosen = [file for file in files if seed is None or f"-{seed:06d}-" in file.name]
-    if not chosen:
-        seeds = sorted(int(file.stem.split("-")[-2]) for file in files)
-        raise DemoError(place, f"has no episode with seed {seed}.", hint=f"Seeds from {seeds[0]} to {seeds[-1]}.")
-    return chosen[0]
+    if seed is None:
+        return files[0]
+    seeds = {file: _seed_of(file) for file in files}
+    for file, flown in seeds.items():
+        if flown == seed:
+            return file
+    known = sorted(each for each in seeds.values() if each is not None)
+    hint = f"Seeds from {known[0]} to {known[-1]}." if known else f"See what it holds: aerial-il info {place}"
+    raise DemoError(place, f"has no episode with seed {seed}.", hint=hint)
+
+
+def _seed_of(file: Path) -> int | None:
+    """Return the seed of a recording: by its name, as datasets have it, or else as it says."""
+    from aerial_il.data.recording.reader import read_origin
+
+    told = file.stem.rsplit("-", 2)[1:-1]
+    return int(told[0]) if told and len(told[0]) >= 6 and told[0].isdecimal() else read_origin(file).get("seed")

@@ -17,7 +17,7 @@ from aerial_il.data.coverage import Coverage
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.summary import Summary, summarise
-from aerial_il.presentation.pages.card import action_strips, by, phases
+from aerial_il.presentation.pages.card import action_strips, by, origin, phases
 from aerial_il.presentation.pages.charts import FEW, density, strip
 from aerial_il.workflows.card import Card, card
 from tests.curation.conftest import QUIET, Recorded
@@ -107,6 +107,18 @@ def test_bounds_may_be_far_or_close(bounds: tuple[float, float], dataset: Path) 
     assert row.seen == (1.0, 1.0)
     assert row.used == (0.0 if np.isfinite(low[0]) else None)
     assert row.svg.count("<rect") == 1
+
+
+def test_what_one_episode_says_is_not_said_of_all(dataset: Path) -> None:
+    flown = open_dataset(dataset)[0]
+    coverage = Coverage.of(flown, 30)
+    for number in range(30):
+        mine = {"task": "reach", "noise": 0.01 * number, **({"note": "corrected"} if number == 7 else {})}
+        coverage.add(replace(flown, provenance=mine))
+    said = dict(origin(coverage))
+    assert said["task"] == "reach"
+    assert said["note"] == "corrected (1)"
+    assert said["noise"].startswith("others (18), 0.0 (1), ")
 
 
 def test_verdicts_are_those_that_were_kept(many: Path, tmp_path: Path) -> None:

@@ -133,6 +133,17 @@ def test_a_map_shows_the_flights_of_its_own_task(tmp_path: Path) -> None:
     assert "0 of 4 failed" in page
 
 
+def test_maps_that_are_left_out_are_counted(tmp_path: Path) -> None:
+    one = flown_as(np.arange(4) < 2)
+    flown = {f"method {k}": {each: [one] for each in ("calm", *"abcde")} for k in range(5)}
+    starts = {one.task: {seed: ("ee_pos", 0.1 * seed, 0.0) for seed in range(4)}}
+    page = write_conditions(tmp_path / "page.html", compared(flown, "calm"), flown, starts=starts).read_text()
+    shown = page.split('id="maps"')[1]
+    assert shown.count("<figure") == 24
+    assert "6 more are left out" in shown
+    assert all(f"method {k}, " in shown for k in range(5))
+
+
 def test_a_profile_counts_the_runs_above_each_threshold() -> None:
     thresholds, shares = profile([0.2, 0.5, 0.5, 1.0])
     at = dict(zip(np.round(thresholds, 2).tolist(), shares.tolist(), strict=True))

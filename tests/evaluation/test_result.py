@@ -84,7 +84,25 @@ def test_a_simplified_path_stays_close_however_long_it_is(length: int, seed: int
         ),
         *(
             (lambda raw, wrong=wrong: raw | {"per_episode": [raw["per_episode"][0] | wrong]}, "not an evaluation: ")
-            for wrong in ({"seed": "abc"}, {"end": "win"}, {"subtasks": None}, {"return": None}, {"steps": "9"})
+            for wrong in (
+                {"seed": "abc"},
+                {"end": "win"},
+                {"subtasks": None},
+                {"return": None},
+                {"steps": "9"},
+                {"duration_s": "x"},
+                {"contact_events": None},
+                {"subtasks": {"up": "soon"}},
+                {"action_jerk_rms": []},
+            )
+        ),
+        *(
+            (lambda raw, wrong=wrong: raw | wrong, "not an evaluation: robot, task, tier")
+            for wrong in ({"provenance": None}, {"provenance": []}, {"provenance": {"environment": None}}, {"tier": 3})
+        ),
+        (
+            lambda raw: raw | {"per_episode": [*raw["per_episode"][:-1], raw["per_episode"][-1] | {"subtasks": {}}]},
+            "have other sub-tasks than each other",
         ),
     ],
 )

@@ -22,6 +22,7 @@ LIMITS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")  # of th
 PATIENCE_S = 60.0  # how long the job of a killed sweep may take to end, before its folder is called busy
 GRACE_S = 30.0  # from being asked to end, which writes a checkpoint, to being killed
 _TAIL_BYTES = 4000
+BEGINS = b"\n--- begins ---\n"  # in a log, before what each attempt says
 _ROOT = str(Path(__file__).resolve().parents[3])
 _CODE = f"import sys; sys.path.append({_ROOT!r}); from aerial_il.cli.main import main; sys.exit(main())"
 
@@ -62,7 +63,7 @@ class Job:
         try:
             with open(self.log, "rb") as file:
                 file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL_BYTES))
-                text = file.read().decode(errors="replace")
+                text = file.read().rpartition(BEGINS)[2].decode(errors="replace")
         except OSError:
             return []
         return [line.strip() for line in text.replace("\r", "\n").splitlines() if line.strip()]
@@ -75,7 +76,7 @@ def start(job: Job, *, threads: int, cores: int) -> subprocess.Popen[bytes]:
         job: what it does. threads: of torch and BLAS, on which results may depend. cores: for its flights.
 
     Raises:
-        InvalidValueError: another process does this very job, and does not end soon.
+        InvalidValueError: another process does this very job, and does not end soon; or its folder cannot be written.
     """
     words = [sys.executable, "-P", "-c", _CODE, ENTRY, job.command, *job.overrides]
     with _own_log(job) as log:
@@ -126,11 +127,17 @@ def _wait_for_parent() -> None:
 
 def _own_log(job: Job) -> BinaryIO:
     """Open the job's log, locked for as long as a process writes to it: no two do the same job."""
-    Path(job.folder).mkdir(parents=True, exist_ok=True)
-    log, deadline = open_own(job.log), time.monotonic() + PATIENCE_S
+    try:
+        Path(job.folder).mkdir(parents=True, exist_ok=True)
+        log = open_own(job.log)
+    except OSError as error:
+        raise InvalidValueError(f"{job.folder[:200]} cannot be written: {error.strerror}.") from error
+    deadline = time.monotonic() + PATIENCE_S
     while True:
         try:
             fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            log.write(BEGINS)
+            log.flush()
             return log
         except BlockingIOError as error:
             if time.monotonic() > deadline:

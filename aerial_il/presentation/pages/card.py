@@ -218,7 +218,8 @@ def origin(coverage: Coverage) -> list[tuple[str, str]]:
     """Return each entry of the provenance and what the episodes have in it, with their number where they differ."""
     said = []
     for key, counted in coverage.origin.items():
-        values = [value if len(counted) == 1 else f"{value} ({count})" for value, count in counted.most_common()]
+        alike = len(counted) == 1 and counted.total() == coverage.episodes
+        values = [value if alike else f"{value} ({count})" for value, count in counted.most_common()]
         said += [(key, ", ".join(values))] if values else []
     return said
 

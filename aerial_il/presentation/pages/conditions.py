@@ -35,7 +35,8 @@ def write_conditions(
         starts: task -> where its flights start. films: what each shows, and the film. command: what leads here.
     """
     hues = {method: k % NUMBER_OF_HUES for k, method in enumerate(flown)}
-    shown = [(said, film) for said, clip in films[:MOST_FILMS] for film in embedded([clip])]
+    shown = [(said, film) for said, clip in _spread(films, MOST_FILMS) for film in embedded([clip])]
+    maps = _maps(flown, starts)
     return write_page(
         path,
         "conditions.html.j2",
@@ -44,10 +45,18 @@ def write_conditions(
         cells=[(cell, words(cell[1]), rows, _success(rows, hues)) for cell, rows in _by_cell(laboratory).items()],
         profile=_profiles(laboratory, hues),
         failures=[(row, _shares(row)) for row in laboratory.rows if row.failures],
-        maps=_maps(flown, starts)[:MOST_MAPS],
+        maps=_spread(maps, MOST_MAPS),
         films=shown,
+        left_out={"maps": max(0, len(maps) - MOST_MAPS), "films": max(0, len(films) - MOST_FILMS)},
         command=command,
     )
+
+
+def _spread[Item](items: Sequence[Item], most: int) -> list[Item]:
+    """Return at most so many items, evenly spread over all of them."""
+    if len(items) <= most:
+        return list(items)
+    return [items[int(k)] for k in np.linspace(0, len(items) - 1, most).round()]
 
 
 def typical_failure(result: EvaluationResult, clips: Sequence[Clip]) -> Clip | None:

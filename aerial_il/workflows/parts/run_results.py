@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from aerial_il.core.checkpoint import is_sealed, sealed_digest
 from aerial_il.core.errors import AerialError, InvalidValueError
-from aerial_il.evaluation.training_run import TrainingRun
+from aerial_il.evaluation.training_run import BEST, FINAL, TrainingRun
 from aerial_il.presentation.films.video import Footage, film
 from aerial_il.workflows.parts import pilots, results
 
@@ -73,12 +74,32 @@ def paid_along(run: str | os.PathLike[str], episode: Episode) -> dict[str, np.nd
     return {label: reward_along(run, flight) for label, flight in flights.items()}
 
 
+def flown_by_others(run: TrainingRun) -> set[str]:
+    """Return the evaluations in a run's folder that none of the weights in it flew: it may have been trained anew."""
+    from aerial_il.evaluation.rollouts import weights_of
+    from aerial_il.policies import load_policy
+
+    here = set[str | None]()
+    for place in (run.path / FINAL, run.path / BEST):
+        if is_sealed(place):
+            here.add(sealed_digest(place))
+            with suppress(AerialError):  # damaged; as a newer version would save it
+                here.add(weights_of(load_policy(place)))
+    flown = {name: result.provenance.get("policy_sha256") for name, result in run.judged.items()}
+    return {name for name, weights in flown.items() if here and weights and weights not in here}
+
+
 def footage(run: TrainingRun, videos: int, progress: bool = False) -> Footage:
     """Return films of the final policy: those of the run's evaluations, else of a few flights made now."""
     if not run.finished:
         return Footage(note="No films: the run is not finished.")
+    others = flown_by_others(run)
     for name, result in run.judged.items():
-        if result.policy == str(run.path) and (kept := results.footage_of(run.path / name, result)).clips:
+        if (
+            name not in others
+            and result.policy == str(run.path)
+            and (kept := results.footage_of(run.path / name, result)).clips
+        ):
             return kept
     return _flown(run, videos, progress) if videos else Footage()
 
@@ -100,7 +121,7 @@ def _flown(run: TrainingRun, videos: int, progress: bool) -> Footage:
 
 
 def _filmed(pilot: pilots.Pilot, spec: EnvSpec, folder: Path, videos: int, progress: bool) -> Footage:
-    """Film the first successes and failures of a few flights, ``videos`` of each."""
+    """Film the first successes of a few flights, and failures of several kinds, ``videos`` of each."""
     from aerial_il.evaluation.rollouts import evaluate
 
     seeds = range(FILMED_SEED, FILMED_SEED + FLOWN)

@@ -75,6 +75,30 @@ def test_a_job_that_is_killed_or_wrong_does_not_stop_the_others(
     assert "not run" not in board.table()
 
 
+def test_a_folder_that_cannot_be_written_stops_no_other_job(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("not a folder")
+    jobs = [
+        collect(tmp_path / ("x" * 300)),
+        collect(tmp_path / "file" / "below"),
+        collect(tmp_path / "ok", "episodes=1"),
+    ]
+    board = Board(jobs)
+    processes.Processes(jobs=2).launch(jobs, board)
+    assert [board.outcomes[job].status for job in jobs] == [2, 2, 0]
+    assert "cannot be written: File name too long" in board.outcomes[jobs[0]].reason
+    assert "cannot be written: Not a directory" in board.outcomes[jobs[1]].reason
+
+
+def test_the_reason_is_that_of_the_last_attempt(tmp_path: Path) -> None:
+    job = collect(tmp_path / "job", "episodes=-1")
+    jobs_of.start(job, threads=1, cores=1).wait(HANG_S)
+    assert "episodes=-1" in job.complaint()
+    again = Job(job.command, (*job.overrides[:-2], "episodes=0", job.overrides[-1]), job.folder)
+    jobs_of.start(again, threads=1, cores=1).wait(HANG_S)
+    assert "episodes=-1" not in again.complaint()
+    assert "episodes=0" in again.complaint()
+
+
 @pytest.mark.slow
 def test_a_killed_sweep_leaves_no_job_and_is_continued(tmp_path: Path) -> None:
     words = ["collect", "-m", *HOVER, "episodes=40", "seed=0,40", "out=sweep", "launcher=processes", "launcher.jobs=2"]

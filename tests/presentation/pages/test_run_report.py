@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import yaml
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.evaluation.predictions import Prediction
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.run_collection import axes_of
 from aerial_il.evaluation.statistics import bootstrap_macro, wilson
 from aerial_il.evaluation.training_run import find_runs, read_run
 from aerial_il.presentation.films.video import Footage
@@ -260,3 +262,33 @@ def test_the_mean_over_tasks_is_as_sure_as_its_episodes() -> None:
     assert 0.62 < many.lo < 0.65 < many.hi < 0.68
     seeds = bootstrap_macro([[2, 8]], 10, rng=np.random.default_rng(0))
     assert seeds.hi - seeds.lo > 0.5, "training seeds that differ make the mean unsure"
+
+
+def test_evaluations_that_were_flown_apart_are_not_averaged(tmp_path: Path, diver: EvaluationResult) -> None:
+    runs = [make_run(tmp_path / f"{seed}", seed=seed) for seed in range(4)]
+    flown = [diver, diver, replace(diver, tier="gusts"), replace(diver, task="land", episodes=diver.episodes[:30])]
+    for run, result in zip(runs, flown, strict=True):
+        result.save(run / "evaluation")
+    html = write_runs_report(tmp_path / "r.html", [read_run(run) for run in runs]).read_text()
+    cell = f"{diver.robot} {diver.task}"
+    for seeds, said in ((2, f"{cell} {diver.tier}, 40"), (1, f"{cell} gusts, 40"), (1, f"{diver.robot} land")):
+        assert re.search(rf"<td>{seeds}</td><td class=\"text\">evaluation, {re.escape(said)}", html), said
+
+
+def test_rollouts_in_other_air_are_another_configuration_and_a_copy_counts_once(tmp_path: Path) -> None:
+    runs = [make_run(tmp_path / f"{k}", seed=seed) for k, seed in enumerate((0, 1, 2, 2))]
+    told = {"settings": {"evaluate_tier": "gusts", "evaluate_seed": 6000}, "dataset": {"reading": {"success": "all"}}}
+    (runs[1] / "command.json").write_text(json.dumps(told))
+    read = [read_run(run) for run in runs]
+    assert [len(members) for members in grouped(read[:3]).values()] == [2, 1]
+    assert {"evaluate_tier", "dataset.success"} <= {*axes_of(read)}
+    html = write_runs_report(tmp_path / "r.html", read).read_text()
+    assert f"{runs[2]} again: the same settings, seed and demonstrations" in html
+    assert "3 runs, 2 configurations" in html
+
+
+def test_what_other_weights_flew_is_marked(run: Path, diver: EvaluationResult) -> None:
+    diver.save(run / "evaluation")
+    for others in ((), ("evaluation",)):
+        html = write_run_report(run / "r.html", read_run(run), flown_by_others=others).read_text()
+        assert ("by other weights than the run has now" in html) == bool(others)

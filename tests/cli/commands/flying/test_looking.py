@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from aerial_il.cli.main import main
+from aerial_il.data.folder import DatasetFolder
 from aerial_il.data.recording.reader import read_episode
 from aerial_il.presentation.films import scene_renderer, window
 from aerial_il.presentation.rerun import program
@@ -97,6 +98,17 @@ def test_bad_input_is_answered(words: list[str], said: str, capsys: pytest.Captu
 
 def test_a_seed_that_a_dataset_lacks_is_answered(flights: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["view", f"recording={flights}", "seed=9"]) == 2
+    assert "Seeds from 7 to 8" in capsys.readouterr().err
+
+
+def test_a_seed_is_found_in_recordings_of_any_name(
+    flights: Path, tmp_path: Path, dark: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for name, file in zip(("first", "a-b-second"), DatasetFolder(flights).files(), strict=True):
+        shutil.copy(file, tmp_path / f"{name}.mcap")
+    assert main(["view", f"recording={tmp_path}", "seed=8"]) == 0
+    assert "a-b-second.html" in capsys.readouterr().out
+    assert main(["view", f"recording={tmp_path}", "seed=9"]) == 2
     assert "Seeds from 7 to 8" in capsys.readouterr().err
 
 

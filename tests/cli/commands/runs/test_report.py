@@ -2,6 +2,7 @@
 
 import csv
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -59,12 +60,18 @@ def test_an_evaluation_becomes_a_row_for_each_number(
         (["runs/seed=0", "runs/nowhere", "format=csv"], "runs/nowhere does not exist"),
         (["runs/nowhere", "format=csv"], "runs/nowhere: cannot be read"),
         (["runs/seed=0", "runs/seed=1/gusts"], "ranked by aerial-il compare"),
+        (["runs/seed=1/gusts", "learning_curve={0:runs/seed=1/gusts}"], "0 demonstrations; their number starts at 1"),
+        (
+            ["runs/seed=1/gusts", "learning_curve={10:runs/seed=1/gusts,20:runs/seed=1/other}"],
+            "not of one robot, task and tier (10: crane reach calm, 20: crane reach hard)",
+        ),
         (["runs", "format=latex", "out=table.tex"], "leave out out=, and add > table.tex"),
     ],
 )
 def test_what_is_missing_is_named_and_nothing_is_written(
-    folder: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    folder: Path, diver: EvaluationResult, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    replace(diver, tier="hard").save("runs/seed=1/other")
     before = sorted(folder.rglob("*"))
     assert main(["report", *words]) == 2
     answer = capsys.readouterr()

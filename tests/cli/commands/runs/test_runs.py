@@ -8,6 +8,7 @@ import pytest
 
 from aerial_il.cli.main import main
 from aerial_il.evaluation.result import EvaluationResult
+from aerial_il.evaluation.run_collection import read_runs
 from tests.evaluation.conftest import diver as diver
 from tests.presentation.outline import Outline
 from tests.presentation.pages.test_run_report import make_run
@@ -141,3 +142,43 @@ def test_a_run_that_is_being_trained_is_left_alone(folder: Path, capsys: pytest.
         assert main(["runs", str(folder), "where=seed>=0", "prune=delete"]) == 0
     assert "being trained" in capsys.readouterr().out
     assert sorted(path.name for path in folder.iterdir()) == ["foreign", "seed=1"]
+
+
+def test_what_is_not_equal_is_the_rest_of_what_is(folder: Path) -> None:
+    """Values of settings have types; a condition is text. What is removed by one is what the other keeps."""
+    for wanted in ("seed=0", "algorithm.hidden=[256, 256]", "success=0.9", "algorithm.lr=0.001", "policy.name=mlp"):
+        if "hidden" in wanted:
+            make_run(folder / "wide", seed=7, hidden=[256, 256])
+        runs = read_runs(folder)
+        equal, other = (
+            {run.path for run in runs.where([each]).runs} for each in (wanted, wanted.replace("=", "!=", 1))
+        )
+        assert equal
+        assert not equal & other
+        assert equal | other == {run.path for run in runs.runs}
+
+
+def test_an_evaluation_called_like_a_column_hides_none(folder: Path, diver: EvaluationResult) -> None:
+    for name in ("success", "seed"):
+        diver.save(folder / "seed=2" / name)
+    row = read_runs(folder).rows[2]
+    assert (row["success"], row["seed"]) == (0.2, 2)
+    assert row["evaluation/success"] == row["evaluation/seed"] == diver.success["rate"]
+
+
+def test_a_page_of_chosen_runs_says_so(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["runs", str(folder), "where=success>0.5", "page=true"]) == 0
+    assert "Chosen of 3 runs: success&gt;0.5." in (folder / "report.html").read_text()
+    assert main(["runs", str(folder), "page=true"]) == 0
+    assert "Chosen of" not in (folder / "report.html").read_text()
+
+
+def test_what_is_in_the_trash_stands_in_no_ranking(
+    folder: Path, diver: EvaluationResult, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for place in ("seed=0/evaluation", "seed=1/evaluation", "seed=2/evaluation", "trash/seed=3/evaluation"):
+        diver.save(folder / place)
+    assert main(["compare", str(folder)]) == 0
+    assert "seed=3" not in capsys.readouterr().out
+    assert main(["leaderboard", str(folder), "fewest=1", f"out={folder / 'board.html'}"]) == 0
+    assert "seed=3" not in (folder / "board.html").read_text()
