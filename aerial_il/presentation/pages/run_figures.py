@@ -216,7 +216,9 @@ def success_along(axis: str, runs: Sequence[TrainingRun]) -> Figure | None:
 
 
 def _percent(rate: float) -> str:
-    return f"{100 * rate:.0f} %"
+    """Return a rate in whole percent, but 0 and 100 only where they are exact."""
+    whole = f"{100 * rate:.0f}"
+    return f"{100 * rate:.1f} %" if whole in ("0", "100") and 0 < rate < 1 else f"{whole} %"
 
 
 def _all(groups: Groups) -> list[TrainingRun]:

@@ -77,7 +77,7 @@ def _distances(episode: Episode) -> TracePlot | None:
         Series(name.replace("_", " "), 100.0 * _norm(episode.obs[name]), k)
         for k, name in enumerate(vectors[:MOST_SERIES])
     ]
-    return TracePlot("Distances", "cm", tuple(lines))
+    return TracePlot(_titled("Distances", len(vectors)), "cm", tuple(lines))
 
 
 def _speed(episode: Episode) -> TracePlot | None:
@@ -103,7 +103,7 @@ def _task_values(episode: Episode) -> list[TracePlot]:
             by_unit.setdefault(field.unit, []).append((field.name.replace("_", " "), values))
     return [
         TracePlot(
-            "Task" if len(lines) > 1 else lines[0][0].capitalize(),
+            _titled("Task" if len(lines) > 1 else lines[0][0].capitalize(), len(lines)),
             unit,
             tuple(Series(label, values, k) for k, (label, values) in enumerate(lines[:MOST_SERIES])),
         )
@@ -116,7 +116,7 @@ def _joints(episode: Episode) -> TracePlot | None:
     if angles is None or not angles.shape[1]:
         return None
     lines = [Series(f"joint {k}", np.rad2deg(angles[:, k]), k) for k in range(min(MOST_SERIES, angles.shape[1]))]
-    return TracePlot("Arm", "°", tuple(lines))
+    return TracePlot(_titled("Arm", angles.shape[1]), "°", tuple(lines))
 
 
 def _gripper(episode: Episode) -> TracePlot | None:
@@ -136,7 +136,12 @@ def _rotors(episode: Episode) -> TracePlot | None:
         return None
     share = _after(100.0 * episode.ctrl[:, : len(limits)] / limits)
     lines = [Series(f"rotor {k}", share[:, k], k) for k in range(min(MOST_SERIES, len(limits)))]
-    return TracePlot("Thrust commanded", "%", tuple(lines), PER_CENT)
+    return TracePlot(_titled("Thrust commanded", len(limits)), "%", tuple(lines), PER_CENT)
+
+
+def _titled(title: str, count: int) -> str:
+    """Return a title that says so where not all of ``count`` lines are drawn."""
+    return title if count <= MOST_SERIES else f"{title}, the first {MOST_SERIES} of {count}"
 
 
 def _after(values: np.ndarray) -> np.ndarray:
