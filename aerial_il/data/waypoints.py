@@ -6,8 +6,8 @@ and a policy that clones it hangs in the air. What the person was after shows on
 
 1. steps in which the command stands still are left out, but for those around a move of the gripper, which takes its
    time, and those of the last moments, in which standing still is the task;
-2. a gripper command on its way, as a key that is held makes it, becomes the one in which its move ends: how far it
-   has come shows nowhere that a policy may look;
+2. a gripper command on its way, as a key that is held makes it, becomes the one in which its move ends, or in which
+   the controls were handed back: how far it has come shows nowhere that a policy may look;
 3. the pose of an action becomes the pose that the tool reached ``lookahead_s`` of the remaining steps later, but never
    later than the beginning or the end of a move of the gripper, the end of what the person flew, or of the episode:
    what is passed by on the way to a grasp is no goal, the grasp is one;
@@ -38,6 +38,7 @@ TURN = slice(3, 9)  # of an ``ee_pose`` action; before it the position, after it
 STILL_M_S, STILL_ROT6D_S, STILL_GRIPPER_S = 0.01, 0.1, 0.05  # rates of a command that is taken to stand still
 GRIP_MARGIN_S = 0.3  # before and after a move of the gripper
 HOLD_S = 0.6  # at the end
+ROUND = "round"  # in the settings of a flight of an algorithm that learns in rounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +49,8 @@ class Waypoints:
         lookahead_s: how much later the pose is reached that becomes the action, s of steps that are not left out; 0
             leaves demonstrations as they were recorded.
         flown_by: whose flights are relabelled: those that a person flew ``hand``, as their provenance tells, or those
-            of ``anyone``, for recordings from elsewhere that do not tell.
+            of ``anyone``, for recordings from elsewhere that do not tell; never a learner's own, by whose side an
+            expert was asked.
     """
 
     lookahead_s: float
@@ -66,7 +68,7 @@ class Waypoints:
         Raises:
             InvalidValueError: it has to be, but commands no pose of the tool.
         """
-        if not self.lookahead_s or not (self.flown_by == "anyone" or flown_by_hand(episode.provenance)):
+        if not self.lookahead_s or not (flown_by_hand(episode.provenance) or self._is_anyones(episode)):
             return episode
         if episode.spec.action.level != LEVEL:
             raise InvalidValueError(
@@ -76,11 +78,16 @@ class Waypoints:
         return relabelled(episode, round(self.lookahead_s / episode.spec.control_dt_s))
 
 
+    def _is_anyones(self, episode: Episode) -> bool:
+        """Whether anyone's flights are relabelled and this is one; not those of a learner, labelled by an expert."""
+        return self.flown_by == "anyone" and ROUND not in (episode.provenance.get("settings") or {})
+
+
 def relabelled(episode: Episode, lookahead: int) -> Episode:
     """Return ``episode`` without its no-ops, labelled by the poses reached ``lookahead`` of its steps later."""
     labels, flown, dt = np.array(episode.labels, float), episode.known, episode.spec.control_dt_s
-    grips = _change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt
-    gripping = _near(grips, round(GRIP_MARGIN_S / dt))
+    grips = (_change(labels)[:, TURN.stop :].max(1, initial=0.0) > STILL_GRIPPER_S * dt) & _goes_on(flown)
+    gripping = _near(grips, round(GRIP_MARGIN_S / dt)) & flown
     left = np.flatnonzero(_moving(labels, dt) | gripping | ~flown | _held(episode))
     labels[:, TURN.stop :] = _decided(labels[:, TURN.stop :], grips, gripping)
     ahead = _reached(np.stack([gripping, flown], axis=1)[left], lookahead)
@@ -107,8 +114,15 @@ def _decided(commands: np.ndarray, grips: np.ndarray, gripping: np.ndarray) -> n
     """Return gripper commands (T, k) that are, from the first step of a move on, those in which it ends."""
     commands = commands.copy()
     for first, end in np.flatnonzero(np.diff(np.pad(gripping, 1).astype(int))).reshape(-1, 2):
+        if not grips[first:end].any():  # near a move that somebody else broke off
+            continue
         commands[first + int(np.argmax(grips[first:end])) : end] = commands[end - 1]
     return commands
+
+
+def _goes_on(flown: np.ndarray) -> np.ndarray:
+    """Return the steps (T,) that a person flew as the one before: another's command before it is no move of theirs."""
+    return flown & np.concatenate([flown[:1], flown[:-1]])
 
 
 def _change(labels: np.ndarray) -> np.ndarray:

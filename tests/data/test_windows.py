@@ -235,6 +235,32 @@ def test_what_a_script_flew_is_learned_from_as_recorded(scripted: Episode, fligh
     assert digest(ahead, scripted, flight) != digest(plain, scripted, flight)
 
 
+@pytest.mark.parametrize("closes", [72, 80, 84])
+def test_what_a_policy_does_with_the_gripper_is_no_label_of_the_person(flight: Episode, closes: int) -> None:
+    """Somebody closes the gripper and hands back, and the policy opens it again: what was shown is to close it."""
+    steps = np.arange(len(flight))
+    held = (steps >= 50) & (steps < 90)
+    actions = flight.actions.copy()
+    actions[:, -1] = np.where(steps < closes, 0.0, 1.0)
+    actions[90:, -1] = np.maximum(0.0, 1.0 - 0.1 * (steps[90:] - 90))
+    labels = np.where(held[:, None], actions, np.nan)
+    shared = replace(
+        flight, actions=actions, executed_actions=actions, expert_actions=labels, is_intervention=held,
+        provenance={"policy": "learner with human:ada"},
+    )  # fmt: skip
+    result = replace(AHEAD, lookahead_s=0.1).apply(shared)
+    learned, left = result.labels[result.asked, -1], kept(shared, result)[result.asked]
+    assert (left >= closes).any()
+    np.testing.assert_array_equal(learned, left >= closes)
+
+
+def test_what_an_expert_said_beside_a_learner_is_kept(scripted: Episode) -> None:
+    anyone = replace(BC.waypoints, lookahead_s=2.0, flown_by="anyone")
+    learners = replace(scripted, provenance={"policy": "dagger", "settings": {"algorithm": "dagger", "round": 2}})
+    assert anyone.apply(learners) is learners
+    assert anyone.apply(scripted) is not scripted
+
+
 def test_no_flight_is_labelled_by_another(flight: Episode) -> None:
     elsewhere = replace(flight, obs={**flight.obs, "ee_pos": flight.obs["ee_pos"] + 10.0}, uid="elsewhere")
     cloning = BC(validation=0.0, waypoints=replace(BC.waypoints, lookahead_s=60.0))
