@@ -10,7 +10,7 @@ from aerial_il.data.coverage import Coverage
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.episode import Episode
 from aerial_il.data.quality.judge import judge
-from aerial_il.data.table import Row, describe_episode, read_columns
+from aerial_il.data.table import Row, columns_of, describe_episode
 
 SUSPECT, UNLIKE = "suspect", "inconsistency"
 
@@ -52,7 +52,7 @@ def summarise(dataset: Dataset, *, progress: bool = False) -> Summary:
     Raises:
         DemoError: no episode can be read.
     """
-    columns, rows, covered = read_columns(dataset.path), list[Row](), list[Coverage]()
+    columns, rows, covered = columns_of(dataset), list[Row](), list[Coverage]()
 
     def seen() -> Iterator[Episode]:
         for episode in Progress(dataset, desc="card", unit="ep", total=len(dataset), disable=not progress):

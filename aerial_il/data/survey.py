@@ -138,7 +138,7 @@ def surveyed(source: Source, wanted: Wanted) -> Survey:
 def _recorded(file: Path | None, path: Path, uid: str, read: Loader) -> Episode:
     found = read()
     require_whole(Gate(path, uid) if file is None else Gate(file), found)
-    return found
+    return found if found.uid == uid else replace(found, uid=uid)  # a file goes by its name
 
 
 def _load(source: Source, wanted: Wanted, agreed: Agreed, uid: str, read: Callable[[], Raw], *rows: int) -> Episode:

@@ -40,10 +40,27 @@ def read_table(dataset: Dataset, *, progress: bool = False) -> list[Row]:
         rows |= {episode.uid: describe_episode(episode) for episode in read}
         if stamps and dataset.path.is_dir():
             _write(cache, known, {uid: (when, rows[uid]) for uid, when in stamps.items() if uid in rows})
-    further = read_columns(dataset.path)
+    further = columns_of(dataset)
     return [
         rows[uid] | {name: column.get(uid) for name, column in further.items()} for uid in dataset.uids if uid in rows
     ]
+
+
+def columns_of(dataset: Dataset) -> dict[str, dict[str, Any]]:
+    """Return name -> uid -> value of the further columns of a dataset: those of the folders that its recordings lie in.
+
+    Raises:
+        DemoError: as :func:`read_columns`.
+    """
+    found = {name: dict(values) for name, values in read_columns(dataset.path).items()}
+    told = {folder: read_columns(folder) for folder in {each.parent.parent for each in dataset.files.values()}}
+    for name in sorted({name for columns in told.values() for name in columns}):
+        column = found.setdefault(name, {})
+        for uid, file in dataset.files.items():
+            values = told[file.parent.parent].get(name, {})
+            if file.stem in values:
+                column[uid] = values[file.stem]
+    return found
 
 
 def read_columns(folder: Path) -> dict[str, dict[str, Any]]:

@@ -77,7 +77,6 @@ class Waypoints:
             )
         return relabelled(episode, round(self.lookahead_s / episode.spec.control_dt_s))
 
-
     def _is_anyones(self, episode: Episode) -> bool:
         """Whether anyone's flights are relabelled and this is one; not those of a learner, labelled by an expert."""
         return self.flown_by == "anyone" and ROUND not in (episode.provenance.get("settings") or {})

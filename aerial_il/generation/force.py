@@ -39,9 +39,10 @@ def pressing(forces: Sequence[float]) -> float:
 
 
 def pressing_in(episodes: Iterable[Episode]) -> float:
-    """Return what the tool presses with in flights of one scene, N."""
-    forces, sensor = list[float](), None
+    """Return what tools press with in flights, N."""
+    forces, sensors = list[float](), dict[str, ToolForce]()
     for episode in episodes:
-        sensor = sensor or ToolForce(episode.model_xml)
+        if (sensor := sensors.get(episode.model_xml)) is None:
+            sensor = sensors[episode.model_xml] = ToolForce(episode.model_xml)
         forces += map(sensor.at, episode.states)
     return pressing(forces)

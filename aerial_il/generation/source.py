@@ -1,6 +1,6 @@
 """A flight to generate from: where the tool was sent, and where things were meanwhile."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -108,7 +108,7 @@ def source_of(dataset: Dataset, uid: str) -> Source:
     return source
 
 
-def with_cuts(sources: Iterable[Source], files: Mapping[str, Path]) -> list[Source]:
+def with_cuts(sources: Sequence[Source], files: Mapping[str, Path]) -> list[Source]:
     """Return sources with the cuts by hand that lie beside their recordings.
 
     Args:
@@ -117,10 +117,12 @@ def with_cuts(sources: Iterable[Source], files: Mapping[str, Path]) -> list[Sour
     Raises:
         DemoError: what lies there are no cuts.
     """
-    said = dict[str, tuple[Cut, ...]]()
-    for folder in {file.parent.parent for file in files.values()}:
-        said |= cuts_by_hand(folder)
-    return [replace(source, cuts=said.get(source.uid)) for source in sources]
+    places = {source.uid: files.get(source.uid) for source in sources}
+    said = {folder: cuts_by_hand(folder) for folder in {file.parent.parent for file in places.values() if file}}
+    return [
+        replace(source, cuts=said[file.parent.parent].get(file.stem) if (file := places[source.uid]) else None)
+        for source in sources
+    ]
 
 
 def _phases(episode: Episode) -> dict[int, str]:

@@ -97,7 +97,7 @@ def merge(settings: Merge) -> Derived:
     spec = common_spec(datasets, mix=settings.mix)
     chosen = joined(datasets, progress=settings.progress)
     path = derive(settings.out, spec, chosen, {"made_by": "aerial_il", "command": "merge"}, progress=settings.progress)
-    return Derived(path=path, episodes=sum(len(each.rows) for each in chosen), of=sum(map(len, datasets)))
+    return Derived(path=path, episodes=_count(path), of=sum(map(len, datasets)))
 
 
 def split(settings: Split) -> list[Derived]:
@@ -113,12 +113,13 @@ def split(settings: Split) -> list[Derived]:
     shares = splitting.read_shares(settings.parts)
     check_out(settings.out, [settings.dataset], [*shares])
     dataset = _open(settings.dataset, settings)
-    rows, spec = read_table(dataset, progress=settings.progress), recorded_spec(dataset)
-    made, parts = [], splitting.split(rows, shares, settings.seed)
+    rows = read_table(dataset, progress=settings.progress)
+    spec = recorded_spec(dataset, [row["uid"] for row in rows])
+    made, parts = [], splitting.split(rows, shares, settings.seed, of=splitting.families(dataset))
     for name, chosen in parts.items():
         how = {"made_by": "aerial_il", "command": "split", "part": name, "parts": shares, "seed": settings.seed}
         path = derive(Path(settings.out) / name, spec, [Chosen(dataset, chosen)], how, progress=settings.progress)
-        made.append(Derived(path=path, episodes=len(chosen), of=len(rows)))
+        made.append(Derived(path=path, episodes=_count(path), of=len(rows)))
     return made
 
 
@@ -135,8 +136,16 @@ def filter(settings: Filter) -> Derived:
     dataset = _open(settings.dataset, settings)
     chosen = Chosen(dataset, select(dataset, settings.where, progress=settings.progress))
     how = {"made_by": "aerial_il", "command": "filter", "where": settings.where}
-    path = derive(settings.out, recorded_spec(dataset), [chosen], how, progress=settings.progress)
-    return Derived(path=path, episodes=len(chosen.rows), of=len(dataset))
+    spec = recorded_spec(dataset, [row["uid"] for row in chosen.rows])
+    path = derive(settings.out, spec, [chosen], how, progress=settings.progress)
+    return Derived(path=path, episodes=_count(path), of=len(dataset))
+
+
+def _count(path: Path) -> int:
+    """Return how many episodes lie in a dataset's folder: one that was made before may have been edited since."""
+    from aerial_il.data.folder import KINDS, DatasetFolder
+
+    return sum(len(DatasetFolder(path).files(kind)) for kind in KINDS)
 
 
 def _open(path: str, reading: Reading) -> Dataset:

@@ -196,6 +196,10 @@ def _sources(settings: Generate) -> list[Source]:
     dataset = open_dataset(settings.dataset)
     flights = (episode for episode in dataset if episode.success)
     sources = with_cuts(read_sources(islice(flights, settings.sources)), dataset.files)
+    robots = sorted({source.spec.robot for source in sources})
+    if len(robots) > 1 and settings.robot is None:
+        said = ", ".join(robots)
+        raise InvalidValueError(f"The sources were flown by {said}: say who is to fly, e.g. robot={robots[0]}.")
     if settings.sources and len(sources) < settings.sources:
         raise InvalidValueError(
             f"{settings.dataset} has {len(sources)} successful demonstrations; sources={settings.sources} asks for "

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from aerial_il.core.checks import require_choice
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from aerial_il.data.quality.judge import Judgement
+
+WEIGHTS = "policy_sha256"  # in the settings of a flight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +62,10 @@ def judge(settings: Judge) -> Judgement:
     from aerial_il.data.table import write_column
 
     dataset = open_dataset(settings.dataset, **settings.answers, states=False)
+    if len(cells := sorted({f"{part.spec.robot} {part.spec.task}" for part in dataset.parts})) > 1:
+        raise InvalidValueError(
+            f"{settings.dataset} has flights of {', '.join(cells)}: judge each of its folders alone."
+        )
     bar = Progress(dataset, desc="judge", unit="ep", total=len(dataset), disable=not settings.progress)
     influence = _influence(settings)
     found = judged(bar)
@@ -75,6 +83,7 @@ def _influence(settings: Judge) -> dict[str, dict[str, float]]:
         return {}
     from aerial_il.algorithms.supervised.influence import influence
     from aerial_il.data.dataset import open_dataset
+    from aerial_il.evaluation.rollouts import known_by
     from aerial_il.evaluation.training_run import read_run
     from aerial_il.policies import load_policy
     from aerial_il.workflows.parts.learned_from import learned_from
@@ -82,14 +91,18 @@ def _influence(settings: Judge) -> dict[str, dict[str, float]]:
     learned, policy = learned_from(read_run(settings.policy), settings.dataset), load_policy(settings.policy)
     flights = open_dataset(settings.flown, failures=True, states=False, cameras=policy.config.images)
     for flight in flights.one_of_each():
-        _require_own(str(flight.provenance.get("policy")), settings)
+        require_own(flight.provenance, settings, known_by(policy))
     scores = influence(policy, [*learned.kept, *learned.held_out], flights, output=settings.output)
     return {"influence": {uid: round(score, 5) for uid, score in scores.items()}}
 
 
-def _require_own(pilot: str, settings: Judge) -> None:
-    if Path(pilot).resolve() != Path(str(settings.policy)).resolve():
+def require_own(origin: Mapping[str, Any], settings: Judge, known: Mapping[str, str]) -> None:
+    """Refuse flights of another policy: by its weights, or where these were not recorded by its folder."""
+    pilot, flown = str(origin.get("policy")), (origin.get("settings") or {}).get(WEIGHTS)
+    alike = Path(pilot).resolve() == Path(str(settings.policy)).resolve()
+    if not (alike if flown is None else flown == known[WEIGHTS]):
+        who = f"{pilot} with other weights than it has now" if alike else f"{pilot}, not by {settings.policy}"
         raise InvalidValueError(
-            f"{settings.flown} was flown by {pilot}, not by {settings.policy}: it does not tell what that learned "
-            f"from whom. Fly it: aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
+            f"{settings.flown} was flown by {who}: it does not tell what that learned from whom. Fly it: "
+            f"aerial-il fly policy={settings.policy} episodes=100 out=datasets/flown"
         )

@@ -1,5 +1,6 @@
 """One flight becomes many, by the command: on other places, other robots, in gusts, and the same bytes again."""
 
+import shutil
 from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
@@ -12,6 +13,7 @@ from aerial_il.cli.main import main
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.table import CACHE
 from aerial_il.generation.diversion import STEPS
+from aerial_il.generation.force import pressing_in
 from aerial_il.workflows.info import Info, info
 
 Shown = Callable[[str], Path]
@@ -153,3 +155,16 @@ def test_the_sources_stay_as_they_are(shown: Shown, tmp_path: Path, capsys: pyte
     assert generate(shown("pick_place"), shown("pick_place")) == 2
     assert "is where the episodes of" in capsys.readouterr().err
     assert files(shown("pick_place")) == before
+
+
+def test_sources_of_two_robots_need_a_word_on_who_is_to_fly(
+    shown: Shown, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    both = tmp_path / "both"
+    shutil.copytree(shown("press_button"), both / "hexa")
+    flown = ["collect", "robot=ua_quad_arm4", "task=press_button", "episodes=1", "expert.noise=0", "progress=false"]
+    assert main([*flown, f"out={both / 'quad'}"]) == 0
+    assert generate(both, tmp_path / "many") == 2
+    assert "flown by fa_hexa_arm4, ua_quad_arm4: say who is to fly, e.g. robot=fa_hexa_arm4" in capsys.readouterr().err
+    hexa, quad, all_of_them = (pressing_in(open_dataset(place)) for place in (both / "hexa", both / "quad", both))
+    assert min(hexa, quad) <= all_of_them <= max(hexa, quad), "each in the scene of its own robot"

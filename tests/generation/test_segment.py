@@ -12,6 +12,7 @@ import pytest
 from aerial_il.cli.main import main
 from aerial_il.data.curation import edits
 from aerial_il.data.dataset import open_dataset
+from aerial_il.generation.source import source_of
 from aerial_il.workflows.parts.segment_server import SegmentServer
 from aerial_il.workflows.segment import Segmentation, segment
 from tests.curation.test_browse import ask
@@ -146,6 +147,17 @@ def test_what_is_generated_is_cut_as_it_was_said(one: Path, tmp_path: Path) -> N
         assert flight.provenance["settings"]["cuts"] == {uid_of(one): cuts}
         made = flight.provenance["made_of"]["segments"]
         assert [each["source_steps"] for each in made] == [[20, 90], [110, 150], [150, steps]]
+
+
+def test_flights_of_one_name_in_two_folders_have_their_own_cuts(one: Path, tmp_path: Path) -> None:
+    both, uid = tmp_path / "both", uid_of(one)
+    for name, cut in (("a", "cube:40-95"), ("b", "cube:50-95")):
+        shutil.copytree(one, both / name)
+        assert main(["segment", str(both / name), f"cuts=[{cut}]"]) == 0
+    assert main(["relabel", str(both / "b"), "where=success", "tag=other", "progress=false"]) == 0
+    dataset = open_dataset(both)
+    found = {name: str(source_of(dataset, name).cuts[0]) for name in dataset.uids}
+    assert found == {uid: "cube:40-95", f"b-{uid}": "cube:50-95"}
 
 
 def test_the_page_keeps_what_is_said_and_takes_it_back(server: SegmentServer, one: Path) -> None:

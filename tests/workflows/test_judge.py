@@ -5,8 +5,14 @@ from pathlib import Path
 import pytest
 
 from aerial_il.cli.main import main
+from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.dataset import open_dataset
 from aerial_il.data.table import read_columns
+from aerial_il.evaluation.rollouts import known_by
+from aerial_il.evaluation.training_run import read_run
+from aerial_il.policies import load_policy
+from aerial_il.workflows.judge import Judge, require_own
+from aerial_il.workflows.parts.learned_from import learned_from
 
 QUIET = "progress=false"
 FLOWN = ["env=gymnasium:Pendulum-v1", "success=return:-40", "max_steps=10", "threads=1", QUIET]
@@ -64,3 +70,27 @@ def test_what_says_nothing_of_its_demonstrations_is_refused(
 def test_a_dataset_that_it_did_not_learn_from_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["judge", "flown", "policy=run", "flown=flown", QUIET]) == 2
     assert "flown is not, or no longer, the dataset that the run was trained on" in capsys.readouterr().err
+
+
+def test_a_dataset_is_known_however_it_is_spelled(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    few = ["train", "dataset=demos", "run=few", "dataset.episodes=8", *CLONE, QUIET]
+    assert main([*few, "algorithm.selection.failures=0"]) == 0
+    for spelled in ("demos", "demos/", str(home / "demos")):
+        assert learned_from(read_run("few"), spelled).kept
+    with pytest.raises(InvalidValueError, match="is not, or no longer, the dataset"):
+        learned_from(read_run("few"), "flown")
+
+
+def test_flights_of_other_weights_say_nothing_of_these(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["train", "dataset=demos", "run=anew", "algorithm.selection.failures=1", *CLONE, QUIET]) == 0
+    known = known_by(load_policy("anew"))
+    asked = Judge(dataset="demos", policy="anew", flown="flown")
+    for pilot, settings in (("anew", known), ("elsewhere", known), ("anew", {})):
+        require_own({"policy": pilot, "settings": settings}, asked, known)
+    for pilot, settings, said in (
+        ("anew", {"policy_sha256": "0" * 12}, "by anew with other weights than it has now"),
+        ("other", {"policy_sha256": "0" * 12}, "by other, not by anew"),
+        ("other", {}, "by other, not by anew"),
+    ):
+        with pytest.raises(InvalidValueError, match=said):
+            require_own({"policy": pilot, "settings": settings}, asked, known)

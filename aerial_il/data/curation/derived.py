@@ -5,6 +5,7 @@ looks like a dataset; ``lineage.json`` says what it was made of and how.
 """
 
 import hashlib
+import logging
 import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,14 +20,16 @@ from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.places import claim_folder
 from aerial_il.core.progress import Progress
 from aerial_il.core.provenance import provenance
-from aerial_il.core.specs import EnvSpec
+from aerial_il.core.specs import CONDITIONS, EnvSpec
 from aerial_il.data.columns import COLUMNS
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.folder import DEMOS, FAILURES, INDEX, KINDS, LINEAGE, DatasetFolder, link
 from aerial_il.data.recording.writer import storing, write_episode
-from aerial_il.data.table import Row, read_columns, remember, write_column
+from aerial_il.data.table import Row, columns_of, remember, write_column
 
+log = logging.getLogger(__name__)
 PART = ".part"
+SEEN = ("action.low", "action.high", "max_steps")  # of a specification that was read off the data: it grows with them
 Place = str | os.PathLike[str]
 
 
@@ -47,9 +50,35 @@ class Chosen:
         return uid if uid in self.dataset.files else f"{self.prefix}{uid}"
 
 
-def recorded_spec(dataset: Dataset) -> EnvSpec:
-    """Return the specification of a dataset's episodes as recordings: some formats keep no states of the simulator."""
-    return dataset.spec if dataset.files else replace(dataset.spec, state_size=dataset[0].states.shape[1])
+def recorded_spec(dataset: Dataset, uids: Sequence[str] = ()) -> EnvSpec:
+    """Return the specification of episodes as recordings: some formats keep no states of the simulator.
+
+    Args:
+        dataset: where they are. uids: which ones; empty for all.
+
+    Raises:
+        InvalidValueError: they are of different environments, as those of several folders may be.
+    """
+    if not dataset.files:
+        return replace(dataset.spec, state_size=dataset[0].states.shape[1])
+    uids = uids or dataset.uids
+    folders = {dataset.files[uid].parent.parent: [] for uid in uids}
+    for uid in uids:
+        folders[dataset.files[uid].parent.parent].append(uid)
+    (first, spec), *others = ((folder, dataset.only(each).spec) for folder, each in folders.items())
+    for folder, other in others:
+        if differing := differences(spec, other):
+            raise InvalidValueError(
+                f"{first} and {folder} are of different environments and cannot be one dataset: "
+                f"{'; '.join(differing[:3])}. Training takes a folder that holds both as they are."
+            )
+    return spec
+
+
+def differences(mine: EnvSpec, theirs: EnvSpec) -> list[str]:
+    """Return in what two environments differ whose episodes are to be one dataset."""
+    ignored = SEEN if mine.is_foreign and theirs.is_foreign else ()
+    return [each for each in mine.differences(theirs, ignore=CONDITIONS) if not each.startswith(ignored)]
 
 
 def check_out(out: Place, sources: Sequence[Place], parts: Sequence[str] = ()) -> None:
@@ -98,6 +127,11 @@ def _derive(
     held = folder.spec() is not None or any(folder.files(kind) for kind in KINDS)
     if held and _told(folder.path) != lineage:
         raise InvalidValueError(f"out={folder.path} holds a dataset already. Name a new folder with out=PATH.")
+    wanted, lies = sum(len(each.rows) for each in chosen), sum(len(folder.files(kind)) for kind in KINDS)
+    if folder.spec() is not None and not (folder.path / PART).exists() and lies != wanted:
+        log.warning(
+            "%s was made before, and has been edited since: it holds %d of %d episodes.", folder.path, lies, wanted
+        )
     if folder.spec() is None or (folder.path / PART).exists():
         _build(folder, spec, chosen, lineage, progress=progress)
 
@@ -163,18 +197,19 @@ def _put(part: DatasetFolder, spec: EnvSpec, chosen: Chosen, uid: str) -> None:
 
 def _digests(dataset: Dataset) -> dict[str, str]:
     """Return uid -> SHA-256 of the recordings that the index of their folder lists."""
-    found = dict[str, str]()
-    for folder in {file.parent.parent for file in dataset.files.values()}:
-        index = DatasetFolder(folder).read_index()
-        found |= {uid: digest for kind in KINDS for uid, digest in index.get(kind, {}).items()}
-    return {uid: digest for uid, digest in found.items() if uid in dataset.files}
+    folders = {file.parent.parent for file in dataset.files.values()}
+    indices = {folder: DatasetFolder(folder).read_index() for folder in folders}
+    listed = {
+        uid: indices[file.parent.parent].get(file.parent.name, {}).get(file.stem) for uid, file in dataset.files.items()
+    }
+    return {uid: digest for uid, digest in listed.items() if digest}
 
 
 def _write_columns(folder: DatasetFolder, chosen: Sequence[Chosen]) -> None:
     """Give the new dataset what the further columns of its sources say of its episodes; of two values the first."""
     kept, columns = [each.name(row["uid"]) for each in chosen for row in each.rows], dict[str, dict[str, Any]]()
     for each in chosen:
-        for name, values in read_columns(each.dataset.path).items():
+        for name, values in columns_of(each.dataset).items():
             said = {each.name(uid): value for uid, value in values.items()}
             columns[name] = {uid: said[uid] for uid in kept if said.get(uid) is not None} | columns.get(name, {})
     for name, values in columns.items():

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 from aerial_il.core.bounded import read_json
 from aerial_il.core.errors import DemoError, InvalidValueError
-from aerial_il.core.files import sync_folder, write_json
+from aerial_il.core.files import sha256_of, sync_folder, write_json
 from aerial_il.core.progress import Progress
 from aerial_il.core.specs import EnvSpec
 from aerial_il.data.curation.relabelling import Labels, relabel
@@ -185,9 +185,21 @@ class Edits:
         edit = self.last()
         if edit is None:
             raise InvalidValueError(f"{self.folder.path} has no edit to take back.")
+        if edit.labels is None:
+            for uid, moved in edit.episodes.items():
+                self._require_free(*self._places(edit, uid, moved))
         edit = replace(edit, state="undoing")
         self._note(edit)
         return self._backwards(edit)
+
+    def _places(self, edit: Edit, uid: str, moved: Moved) -> tuple[Path, Path]:
+        """Return where an episode is kept since an edit, and where it was."""
+        return self._place(edit.number) / moved.kind / f"{uid}.mcap", self.folder.file(uid, moved.kind)
+
+    def _require_free(self, kept: Path, home: Path) -> None:
+        """Refuse to bring an episode back to where another one was recorded since; the same one may be there."""
+        if kept.exists() and home.exists() and sha256_of(kept) != sha256_of(home):
+            raise InvalidValueError(f"{home} was recorded anew since {kept} was deleted: move one of them away.")
 
     def _begun(
         self, where: str, labels: Labels | None, episodes: Mapping[str, Moved], marks: Marks | None = None
@@ -243,12 +255,10 @@ class Edits:
         spec, place = self._spec(edit), self._place(edit.number)
         self.folder.write_index(spec, leaving=edit.episodes.keys())
         for uid, moved in self._shown(edit, "undo"):
-            kept, home = place / moved.kind / f"{uid}.mcap", self.folder.file(uid, moved.kind)
+            kept, home = self._places(edit, uid, moved)
             if kept.exists():
-                if edit.labels is None and home.exists():
-                    raise InvalidValueError(
-                        f"{home} was recorded anew since {kept} was deleted: move one of them away."
-                    )
+                if edit.labels is None:
+                    self._require_free(kept, home)
                 _move(kept, home)
                 os.utime(home)  # what was derived in the meantime is older
             if moved.to is not None:

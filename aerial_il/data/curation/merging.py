@@ -8,13 +8,11 @@ import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.core.files import sha256_of
-from aerial_il.core.specs import CONDITIONS, EnvSpec
-from aerial_il.data.curation.derived import Chosen, recorded_spec
+from aerial_il.core.specs import EnvSpec
+from aerial_il.data.curation.derived import Chosen, differences, recorded_spec
 from aerial_il.data.dataset import Dataset
 from aerial_il.data.mixture import check_alike
 from aerial_il.data.table import Row, read_table
-
-SEEN = ("action.low", "action.high", "max_steps")  # of a specification that was read off the data: it grows with them
 
 
 def common_spec(datasets: Sequence[Dataset], *, mix: bool) -> EnvSpec:
@@ -29,7 +27,7 @@ def common_spec(datasets: Sequence[Dataset], *, mix: bool) -> EnvSpec:
     """
     first, (spec, *others) = datasets[0], [recorded_spec(dataset) for dataset in datasets]
     for other, its_spec in zip(datasets[1:], others, strict=True):
-        if differing := _differences(spec, its_spec):
+        if differing := differences(spec, its_spec):
             raise InvalidValueError(
                 f"{first.path} and {other.path} are of different environments and cannot be one dataset: "
                 f"{'; '.join(differing[:3])}. Training takes a folder that holds both as they are."
@@ -66,11 +64,6 @@ def _require_same(uid: str, one: Path, other: Path) -> None:
             f"{one} and {other} are different episodes of one name, as if one of them was relabelled. Leave one out "
             f"first: aerial-il filter where=\"uid != '{uid}'\""
         )
-
-
-def _differences(mine: EnvSpec, theirs: EnvSpec) -> list[str]:
-    ignored = SEEN if mine.is_foreign and theirs.is_foreign else ()
-    return [each for each in mine.differences(theirs, ignore=CONDITIONS) if not each.startswith(ignored)]
 
 
 def _united(specs: Sequence[EnvSpec]) -> EnvSpec:

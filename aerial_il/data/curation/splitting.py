@@ -1,12 +1,16 @@
 """Divide the episodes of a dataset into parts that are alike: as many successes, tags and operators in each."""
 
+import logging
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from aerial_il.core.errors import InvalidValueError
+from aerial_il.data.dataset import Dataset
+from aerial_il.data.recording.reader import read_origin
 from aerial_il.data.table import Row
 
+log = logging.getLogger(__name__)
 ALIKE = ("task", "success", "tag", "operator")  # what every part has its share of
 ROUNDING = 1e-6
 
@@ -33,10 +37,23 @@ def read_shares(parts: Sequence[str]) -> dict[str, float]:
     return shares
 
 
-def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[str, list[Row]]:
+def families(dataset: Dataset) -> dict[str, str]:
+    """Return uid -> the flight that an episode was generated from, of those that were; that flight is its own."""
+    made = {uid: read_origin(file).get("made_of") for uid, file in dataset.files.items()}
+    return {uid: str(of["source"]) for uid, of in made.items() if of}
+
+
+def split(
+    rows: Sequence[Row], shares: Mapping[str, float], seed: int, *, of: Mapping[str, str] | None = None
+) -> dict[str, list[Row]]:
     """Return name -> rows of its part; the same for the same episodes, shares and seed, whatever their order.
 
-    Episodes of one kind follow each other in random order, and each goes to the part that is furthest behind its share.
+    Episodes of one kind follow each other in random order, and each goes to the part that is furthest behind its share,
+    or, of what was generated from one flight, where the first of them went.
+
+    Args:
+        rows: of the episodes. shares: of each part. seed: of the order. of: uid -> the flight that it was generated
+            from.
 
     Raises:
         InvalidValueError: there are too few episodes for a part to get one.
@@ -45,10 +62,13 @@ def split(rows: Sequence[Row], shares: Mapping[str, float], seed: int) -> dict[s
     ordered = sorted(rows, key=lambda row: row["uid"])
     shuffled = [ordered[i] for i in rng.permutation(len(ordered))]
     shuffled.sort(key=lambda row: [str(row[name]) for name in ALIKE])
-    parts = {name: list[Row]() for name in shares}
+    parts, homes, of = {name: list[Row]() for name in shares}, dict[str, str](), dict(of or {})
+    if len({of.get(row["uid"], row["uid"]) for row in rows}) < len(shares) and of:
+        log.warning("All was generated from too few flights to keep them apart: the parts share what they show.")
+        of = {}
     for count, row in enumerate(shuffled, start=1):
         behind = max(shares, key=lambda name: shares[name] * count - len(parts[name]))
-        parts[behind].append(row)
+        parts[homes.setdefault(of.get(row["uid"], row["uid"]), behind)].append(row)
     if empty := [name for name, part in parts.items() if not part]:
         raise InvalidValueError(f"{len(rows)} episodes are too few: none is left for {', '.join(empty)}.")
     return {name: sorted(part, key=lambda row: row["uid"]) for name, part in parts.items()}

@@ -1,5 +1,7 @@
 """The demonstrations that a run was cloned from, once it is certain that the dataset is the same still."""
 
+from pathlib import Path
+
 from aerial_il.algorithms.bc import BC
 from aerial_il.algorithms.supervised.selection import Selection
 from aerial_il.algorithms.supervised.training_set import (
@@ -12,6 +14,7 @@ from aerial_il.algorithms.supervised.training_set import (
 )
 from aerial_il.core.errors import InvalidValueError
 from aerial_il.data.reading import Reading
+from aerial_il.data.waypoints import Waypoints
 from aerial_il.evaluation.training_run import TrainingRun
 from aerial_il.policies import load_policy
 from aerial_il.workflows.parts import demonstrations
@@ -34,8 +37,13 @@ def learned_from(run: TrainingRun, dataset: str | None) -> Demonstrations:
     if path is None:
         raise InvalidValueError("the run does not state where its dataset is. Give dataset=PATH.")
     policy = load_policy(run.path).config
-    algorithm = BC(selection=Selection(**settings["selection"]), validation=settings["validation"])
-    said = recorded if path == recorded.get("path") else {}
+    algorithm = BC(
+        selection=Selection(**settings["selection"]),
+        waypoints=Waypoints(**settings["waypoints"]) if "waypoints" in settings else BC.waypoints,
+        validation=settings["validation"],
+    )
+    own = recorded.get("path")
+    said = recorded if own is not None and Path(path).resolve() == Path(own).resolve() else {}
     episodes = demonstrations.open_demonstrations(
         path,
         limit=said.get("episodes"),
