@@ -62,13 +62,14 @@ def split(
     ordered = sorted(rows, key=lambda row: row["uid"])
     shuffled = [ordered[i] for i in rng.permutation(len(ordered))]
     shuffled.sort(key=lambda row: [str(row[name]) for name in ALIKE])
-    parts, homes, of = {name: list[Row]() for name in shares}, dict[str, str](), dict(of or {})
-    if len({of.get(row["uid"], row["uid"]) for row in rows}) < len(shares) and of:
+    parts, homes = {name: list[Row]() for name in shares}, dict[str, str]()
+    first = {row["uid"]: (of or {}).get(row["uid"], row["uid"]) for row in rows}
+    if of and len({*first.values()}) < len(shares):
         log.warning("All was generated from too few flights to keep them apart: the parts share what they show.")
-        of = {}
+        first = {uid: uid for uid in first}
     for count, row in enumerate(shuffled, start=1):
         behind = max(shares, key=lambda name: shares[name] * count - len(parts[name]))
-        parts[homes.setdefault(of.get(row["uid"], row["uid"]), behind)].append(row)
+        parts[homes.setdefault(first[row["uid"]], behind)].append(row)
     if empty := [name for name, part in parts.items() if not part]:
         raise InvalidValueError(f"{len(rows)} episodes are too few: none is left for {', '.join(empty)}.")
     return {name: sorted(part, key=lambda row: row["uid"]) for name, part in parts.items()}
