@@ -63,7 +63,7 @@ def split(
     shuffled = [ordered[i] for i in rng.permutation(len(ordered))]
     shuffled.sort(key=lambda row: [str(row[name]) for name in ALIKE])
     parts, homes = {name: list[Row]() for name in shares}, dict[str, str]()
-    first = {row["uid"]: (of or {}).get(row["uid"], row["uid"]) for row in rows}
+    first: dict[str, str] = {row["uid"]: (of or {}).get(row["uid"]) or row["uid"] for row in rows}
     if of and len({*first.values()}) < len(shares):
         log.warning("All was generated from too few flights to keep them apart: the parts share what they show.")
         first = {uid: uid for uid in first}
