@@ -101,7 +101,7 @@ def outcome(kind: str, number: int, target: Target, whole: Any, scratch: Path) -
 def outcomes(kind: str, numbers: range, target: Target, scratch: Path) -> Iterator[tuple[int, str]]:
     """Yield number and outcome of mutations."""
     signal.signal(signal.SIGALRM, _too_slow)
-    whole = target.read(target.path if kind != "mcap" else _copy(target.path, scratch / "whole.mcap"))
+    whole = target.read(target.path if kind != "mcap" else _copy(target.path, scratch / "whole" / f"{target.path.stem}.mcap"))
     for number in numbers:
         yield number, outcome(kind, number, target, whole, scratch)
 
@@ -132,6 +132,7 @@ def _mutated(source: Path, scratch: Path, rng: np.random.Generator) -> tuple[Pat
 
 
 def _copy(source: Path, target: Path) -> Path:
+    target.parent.mkdir(parents=True, exist_ok=True)
     return Path(shutil.copyfile(source, target))
 
 
