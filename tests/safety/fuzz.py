@@ -101,7 +101,8 @@ def outcome(kind: str, number: int, target: Target, whole: Any, scratch: Path) -
 def outcomes(kind: str, numbers: range, target: Target, scratch: Path) -> Iterator[tuple[int, str]]:
     """Yield number and outcome of mutations."""
     signal.signal(signal.SIGALRM, _too_slow)
-    whole = target.read(target.path if kind != "mcap" else _copy(target.path, scratch / "whole" / f"{target.path.stem}.mcap"))
+    alone = scratch / "whole" / f"{target.path.stem}.mcap"  # a recording goes by the name of its file
+    whole = target.read(target.path if kind != "mcap" else _copy(target.path, alone))
     for number in numbers:
         yield number, outcome(kind, number, target, whole, scratch)
 
