@@ -39,7 +39,14 @@ from aerial_il.algorithms.interactive.round_flights import FIRST_SEED, SEEDS_PER
 from aerial_il.algorithms.run.cadence import CADENCE, Evaluate, due
 from aerial_il.algorithms.run.folder import PRIOR, RunFolder, flown_in
 from aerial_il.algorithms.seeing.frames import Frames, Lessons, Moments, check_room, chosen, drawn, kept_fields
-from aerial_il.algorithms.seeing.measurable import check_cameras, check_eyes, check_labels, check_one_task, looked_for
+from aerial_il.algorithms.seeing.measurable import (
+    check_cameras,
+    check_eyes,
+    check_labels,
+    check_one_task,
+    check_states,
+    looked_for,
+)
 from aerial_il.algorithms.seeing.redrawing import Redrawing
 from aerial_il.algorithms.supervised.learner import Learner, cosine, precision, require_device
 from aerial_il.algorithms.supervised.training_set import split
@@ -160,6 +167,7 @@ class Perception:
         if not demos:
             raise InvalidValueError("There is no successful demonstration to learn from.")
         check_one_task(demos, "algorithm=perception")
+        check_states(demos)
         check_labels(env.spec, "Let it look and fly without: flight_tier={tier}.")
         check_cameras(demos, policy.images)
         check_eyes(policy)

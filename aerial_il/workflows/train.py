@@ -171,6 +171,11 @@ def train(settings: Train) -> ChunkPolicy:
             "dataset.language=true is for algorithms that do not fly while they learn, e.g. algorithm=bc: "
             f"nobody tells {algorithm.name} in words what to do there."
         )
+    if settings.flight_tier and "env" not in algorithm.needs:
+        raise InvalidValueError(
+            f"flight_tier={settings.flight_tier} is for algorithms that fly while they learn; {algorithm.name} learns "
+            f"from demonstrations as they are. Record them there: aerial-il collect tier={settings.flight_tier}"
+        )
     if settings.observations == "onboard":
         policy = _onboard(policy)
     for path in dataset.paths:

@@ -321,3 +321,13 @@ def test_who_takes_over_in_mid_flight_measures_from_where_images_were_taken(show
 def _seeing(pilot, spec):
     layout = replace(pilot.interface.layout, spec=spec)
     return type(pilot)(pilot.config, replace(pilot.interface, layout=layout), pilot.network, pilot.origin)
+
+
+def test_what_cannot_be_drawn_anew_is_refused_before_anything_is_learned(shown, tmp_path):
+    demos = [replace(demo, states=demo.states[:, :0]) for demo in open_dataset(shown, cameras=IMAGES)]
+    with (
+        closing(environment("press_button")) as env,
+        pytest.raises(InvalidValueError, match="has no states of the sim"),
+    ):
+        trained_on(demos, tmp_path / "run", env)
+    assert not (tmp_path / "run").exists()

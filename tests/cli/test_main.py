@@ -55,6 +55,7 @@ def test_help_imports_nothing_heavy() -> None:
         (["train", "dataset=x", "run=y", "policy._target_=os.system"], "Unknown key 'policy._target_'"),
         (["train", "dataset=x", "run=y", "seed=${nowhere}"], "seed=${nowhere}"),
         (["train", "run=y", "from=runs/a"], "from=runs/a does not exist. To see what runs there are: aerial-il runs"),
+        (["train", "dataset=x", "run=y", "flight_tier=gusts"], "flight_tier=gusts is for algorithms that fly while"),
         (["train", "dataset=[a,b]", "run=y"], "the first is dataset=PATH, the rest are dataset.others=[PATH,PATH]"),
         (["train", "run=y", "policy=runs/a"], "with the settings of that run: from=runs/a run=NEW; to go on from its"),
         (["evaluate"], "evaluate needs out=..."),

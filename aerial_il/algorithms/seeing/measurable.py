@@ -46,6 +46,20 @@ def check_one_task(demos: Iterable[Episode], who: str) -> None:
         )
 
 
+def check_states(demos: Iterable[Episode]) -> None:
+    """Refuse demonstrations that cannot be drawn anew, as formats of others keep no states of the simulator.
+
+    Raises:
+        InvalidValueError: names one.
+    """
+    if lacking := next((demo.uid for demo in demos if not demo.states.shape[1]), None):
+        raise InvalidValueError(
+            f"Episode {lacking} has no states of the simulator, from which frames are drawn anew: learn from the "
+            "recordings themselves, as aerial-il collect writes them, or from images to actions (policy=flow "
+            "observations=onboard)."
+        )
+
+
 def check_cameras(demos: Iterable[Episode], images: Sequence[str]) -> None:
     """Refuse demonstrations that were taken through other cameras than the robot has now.
 

@@ -29,7 +29,8 @@ def onnx_of(policy: ChunkPolicy) -> bytes:
     if type(policy) is not ChunkPolicy:
         raise InvalidValueError(
             f"{type(policy).__name__} is made of several networks, which one graph cannot hold. Clone what it flies: "
-            "aerial-il fly policy=RUN episodes=80 out=datasets/own, then aerial-il train dataset=datasets/own."
+            "aerial-il fly policy=RUN episodes=80 out=datasets/own, then aerial-il train dataset=datasets/own; of one "
+            "that sees, with policy=flow policy.images=[...] observations=onboard, which is the weaker route."
         )
     inputs = _inputs(policy, EXAMPLES)
     worlds = torch.export.Dim("worlds", min=1, max=MOST_WORLDS)
