@@ -169,7 +169,8 @@ def _of_run(settings: Report, run: TrainingRun) -> Path:
 
     predictions, note = run_results.predictions(run, settings.dataset)
     rewarded = run_results.rewarded(run, settings.dataset)
-    films = run_results.footage(run, settings.videos, settings.progress)
+    others = run_results.flown_by_others(run)
+    films = run_results.footage(run, settings.videos, settings.progress, others=others)
     return write_run_report(
         settings.out or run.path / PAGE,
         run,
@@ -177,7 +178,7 @@ def _of_run(settings: Report, run: TrainingRun) -> Path:
         prediction_note=note,
         rewarded=rewarded,
         footage=films,
-        flown_by_others=run_results.flown_by_others(run),
+        flown_by_others=others,
     )
 
 

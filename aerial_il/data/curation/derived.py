@@ -61,10 +61,9 @@ def recorded_spec(dataset: Dataset, uids: Sequence[str] = ()) -> EnvSpec:
     """
     if not dataset.files:
         return replace(dataset.spec, state_size=dataset[0].states.shape[1])
-    uids = uids or dataset.uids
-    folders = {dataset.files[uid].parent.parent: [] for uid in uids}
-    for uid in uids:
-        folders[dataset.files[uid].parent.parent].append(uid)
+    folders = dict[Path, list[str]]()
+    for uid in uids or dataset.uids:
+        folders.setdefault(dataset.files[uid].parent.parent, []).append(uid)
     (first, spec), *others = ((folder, dataset.only(each).spec) for folder, each in folders.items())
     for folder, other in others:
         if differing := differences(spec, other):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -89,11 +89,10 @@ def flown_by_others(run: TrainingRun) -> set[str]:
     return {name for name, weights in flown.items() if here and weights and weights not in here}
 
 
-def footage(run: TrainingRun, videos: int, progress: bool = False) -> Footage:
-    """Return films of the final policy: those of the run's evaluations, else of a few flights made now."""
+def footage(run: TrainingRun, videos: int, progress: bool = False, *, others: Collection[str] = ()) -> Footage:
+    """Return films of the final policy: those of the run's evaluations but for ``others``, else of flights made now."""
     if not run.finished:
         return Footage(note="No films: the run is not finished.")
-    others = flown_by_others(run)
     for name, result in run.judged.items():
         if (
             name not in others
