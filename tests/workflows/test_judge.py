@@ -13,6 +13,7 @@ from aerial_il.evaluation.training_run import read_run
 from aerial_il.policies import load_policy
 from aerial_il.workflows.judge import Judge, require_own
 from aerial_il.workflows.parts.learned_from import learned_from
+from aerial_il.workflows.parts.run_results import flown_by_others
 
 QUIET = "progress=false"
 FLOWN = ["env=gymnasium:Pendulum-v1", "success=return:-40", "max_steps=10", "threads=1", QUIET]
@@ -94,3 +95,13 @@ def test_flights_of_other_weights_say_nothing_of_these(capsys: pytest.CaptureFix
     ):
         with pytest.raises(InvalidValueError, match=said):
             require_own({"policy": pilot, "settings": settings}, asked, known)
+
+
+def test_an_evaluation_by_the_weights_of_before_is_known() -> None:
+    train = ["train", "dataset=demos", "run=again", "algorithm.selection.failures=1", *CLONE, QUIET]
+    assert main(train) == 0
+    judged = ["episodes=2", "videos=0", "success=return:-40", "max_steps=10", "threads=1", QUIET]
+    assert main(["evaluate", "policy=again", "out=again/evaluation", *judged]) == 0
+    assert flown_by_others(read_run("again")) == set()
+    assert main([*train, "seed=1", "resume=false"]) == 0
+    assert flown_by_others(read_run("again")) == {"evaluation"}
